@@ -11,12 +11,13 @@ FUZZ_FRAMES ?= 1000000
 FUZZ_REPLIES ?= 100000
 SEEDS ?= 1000
 SECONDS ?= 600
+SITE ?= build/site
 
 # Compiled modules are kept, in __pycache__, whatever the environment says: the tests start some three hundred processes,
 # and each would compile all of this code anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run test model-check mutants wire-faults check format docs golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
+.PHONY: help setup run test model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -27,6 +28,7 @@ help:
 	@echo "make check   ruff, mypy and import-linter"
 	@echo "make format  format the code"
 	@echo "make docs    write the reference pages that are tables of the code, and the JSON Schemas"
+	@echo "make docs-site  the documentation as a site with a search, in build/site (SITE=FOLDER); a warning ends it"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and supervisor at 100 random moments each (KILLS=N), nothing may be lost"
 	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
@@ -75,6 +77,9 @@ format: $(STAMP)
 
 docs: $(STAMP)
 	$(BIN)/python -m docs.generate
+
+docs-site: $(STAMP)
+	$(BIN)/python -m docs.site.build $(SITE)
 
 kill-tests: $(STAMP)
 	$(BIN)/python tests/proofs/drills/kill_drill.py $(KILLS)

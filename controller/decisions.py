@@ -9,9 +9,10 @@ from __future__ import annotations
 DECISIONS: dict[int, str] = {
     1: "as recorded first",
     2: "drive and angle sensor are compared by the age since the request and the largest speed in that time; "
-    "the way back after a fault unloads a rest just below the torque at which the lock may open",
+    "the recovery after a fault also unloads a residual torque just below that at which the lock may open",
     3: "a complete run ends when both torque zeroes have been recorded again, with the lock open; "
-    "the bit that resets a drive's fault stays until the fault is left, for 100 ms, and comes again after as long",
+    "the bit that resets a drive's fault is set until the drive leaves the fault, for 100 ms at most, and is set "
+    "again 100 ms later",
 }
 """Version, and what the controller decides otherwise than in the one before."""
 

@@ -192,15 +192,15 @@ _ROWS = (
     ),
     Check(
         "noise_high", "Highest noise of a torque", FRACTION, 500.0,
-        "noise of a torque over all cycles, relative to the sensor specification; the noisier one",
+        "noise of a torque over all cycles, relative to the sensor specification; the noisier sensor",
         "the torque has more noise than its sensor specification",
         "check cables, earthing and the resolution of the channel",
     ),
     Check(
         "time_scale", "Time scale", NUMBER, 5.0,
-        "torque rate of a branch over that of the recipe, or that of the recipe over it, the larger one",
-        "the load is far faster or slower than the recipe plans it",
-        "check the unit of the time column, which is seconds, and the torque rates in the recipe",
+        "torque rate of a branch divided by the planned rate, or the reverse: the larger of the two",
+        "the torque changes far faster or slower than the recipe plans",
+        "check that the time column is in seconds, then the torque rates in the recipe",
     ),
     Check(
         "ramp_rate", "Ramp rate", FRACTION, 50.0,
@@ -225,29 +225,28 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
-        "torque_agreement", "Agreement of both torques", FRACTION, 60.0,
+        "torque_agreement", "Agreement of input and output torque", FRACTION, 60.0,
         "deviation of T_out / (ratio · T_in) under load from 1",
-        "input and output torque do not fit together",
+        "input and output torque do not agree",
         "check sign, range and calibration of both sensors, and the ratio in the recipe",
         settable=SHARES,
     ),
     Check(
         "efficiency_low", "Efficiency, lower side", FRACTION, 50.0,
-        "efficiency while loading, slope of T_out over T_in over the ratio; the lower side",
+        "efficiency while loading: slope of T_out over T_in, divided by the ratio; the lower side",
         "the output torque is too low for a unit of this ratio",
         CHECK_RATIO, at_least=True, settable=EFFICIENCIES, below="efficiency_high",
     ),
     Check(
         "efficiency_high", "Efficiency, higher side", FRACTION, 102.0,
-        "efficiency while loading, slope of T_out over T_in over the ratio; the higher side",
+        "efficiency while loading: slope of T_out over T_in, divided by the ratio; the higher side",
         "the output torque is too high for a unit of this ratio",
         CHECK_RATIO, settable=EFFICIENCIES,
     ),
     Check(
-        "ratio_agreement", "Gear ratio by the torques", FRACTION, 0.25,
-        "deviation of the ratio that the torques show (harmonic mean of the slopes of loading and unloading) from "
-        "that of the recipe, or of its sides from each other; beyond the declared gains of both sensors, friction and "
-        "the scatter of the lines",
+        "ratio_agreement", "Gear ratio from the torques", FRACTION, 0.25,
+        "ratio from the torques (harmonic mean of the slopes of loading and unloading): its deviation from the ratio "
+        "in the recipe, or between both sides, less what sensor gains, friction and the scatter of the lines explain",
         "the measured ratio differs from the ratio in the recipe",
         CHECK_RATIO, settable=SHARES, leaves_open=LeavesOpen("gain of the output torque, or ratio in the recipe", "%"),
     ),
@@ -274,10 +273,10 @@ _ROWS = (
     ),
     Check(
         "locked_angle", "Deflection of lock and couplings", NUMBER, 0.0,
-        "deflections of lock and couplings that are in the wind-up and not known",
+        "unknown deflections of lock and couplings that are part of the wind-up",
         "the angle of the locked shaft was not measured and the stiffness of the fixture is not known: their "
         "deflection is in the wind-up",
-        "measure that angle, or give the fixture's stiffness in the bench file",
+        "measure the angle of the locked shaft, or give the fixture's stiffness in the bench file",
     ),
     Check(
         "locked_motion", "Motion of the locked shaft", FRACTION, 2.0,
@@ -297,14 +296,14 @@ _ROWS = (
         "stiffness_low", "Stiffness against the catalogue, softer side", NUMBER, 0.5,
         "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
         "softer side",
-        "the loop is far softer than the stiffness in the recipe: no defect explains that",
+        "the unit measures far softer than the stiffness in the recipe: no defect explains that",
         CHECK_SCALES, at_least=True,
     ),
     Check(
         "stiffness_high", "Stiffness against the catalogue, stiffer side", NUMBER, 1.5,
         "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
         "stiffer side",
-        "the loop is far stiffer than the stiffness in the recipe",
+        "the unit measures far stiffer than the stiffness in the recipe",
         CHECK_SCALES,
     ),
     Check(
@@ -403,8 +402,8 @@ _ROWS = (
     ),
     Check(
         "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
-        "change of the difference between the drive's position and the angle of the loaded shaft within a branch, "
-        "beyond their constant delay, relative to the travel of that shaft",
+        "drive's position minus angle of the loaded shaft: change of this difference within a branch, less a constant "
+        "delay, relative to the travel of the shaft",
         "the drive's position and the angle of the loaded shaft do not agree",
         "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
         settable=SHARES,
@@ -412,20 +411,20 @@ _ROWS = (
     ),
     Check(
         "drive_angle_direction", "Delay of the angle encoder within a ramp", FRACTION, 0.25,
-        "change of the difference between the drive's position and the angle of the loaded shaft from the rising to "
-        "the falling branch at the same angle, beyond one delay and the twist of the coupling, relative to the travel "
-        "of that shaft",
-        "the angle of the loaded shaft is late in a part of the ramps",
+        "drive's position minus angle of the loaded shaft: change of this difference from the rising to the falling "
+        "branch at the same angle, less a constant delay and the twist of the coupling, relative to the travel of the "
+        "shaft",
+        "the angle of the loaded shaft is delayed in a part of the ramps",
         "check filter and supply of the encoder. Check the coupling between drive and encoder for play. Then measure "
         "again",
         settable=SHARES,
         leaves_open=LeavesOpen("delay of the loaded shaft's angle within a ramp, at the output", "arcmin"),
     ),
     Check(
-        "drive_angle_repeat", "Delay of the angle encoder, branch against branch", FRACTION, 0.15,
-        "change of the difference between the drive's position and the angle of the loaded shaft from one branch to "
-        "another of the same direction, at the same angle, relative to the travel of that shaft",
-        "the angle of the loaded shaft does not follow the drive's position in all branches alike",
+        "drive_angle_repeat", "Delay of the angle encoder between branches", FRACTION, 0.15,
+        "drive's position minus angle of the loaded shaft: change of this difference between branches of the same "
+        "direction at the same angle, relative to the travel of the shaft",
+        "the delay between drive and angle encoder differs from branch to branch",
         "check cable, supply and filter of the encoder, and measure again",
         settable=SHARES,
     ),

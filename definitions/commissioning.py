@@ -16,6 +16,7 @@ class Step(NamedTuple):
     """One step. `needs`: what has to be there for it; `power`: what the drive does meanwhile.
 
     `parts`: what of bench file and profiles its result depends on; `but`: entries among these that it does not.
+    by_recipe: it takes the ratings, or the scan period, of a recipe.
     """
 
     id: str
@@ -25,6 +26,7 @@ class Step(NamedTuple):
     power: Power
     parts: tuple[str, ...]
     but: tuple[str, ...] = ()
+    by_recipe: bool = False
 
 
 DRIVE = ("can", "drive", "drive profile")
@@ -56,16 +58,16 @@ STEPS: tuple[Step, ...] = (
          AMPLIFIER),
     Step("io", "Contacts of the safety chain",
          "Emergency stop and guard are wired to the inputs that the profile names",
-         "Somebody who presses the emergency stop and opens the guard", "off",
+         "Somebody at the emergency stop, the guard and, where there is one, the enabling device", "off",
          REMOTE_IO),
     Step("direction", "Signs of motor, torques and angles",
          "Torque and angle of motor and sensors count the same way, and about the right amount",
          "A unit on the bench, clamped at both shafts", "torque behind a verified lock",
-         MOTION, NOT_PROVEN),
+         MOTION, NOT_PROVEN, by_recipe=True),
     Step("latency", "Age and lag of the channels",
          "Samples are as fresh, and lag as much, as the bench file says",
          "A unit on the bench, clamped at both shafts", "torque behind a verified lock",
-         MOTION, NOT_PROVEN),
+         MOTION, NOT_PROVEN, by_recipe=True),
     Step("watchdogs", "Watchdogs of the drive",
          "The drive ends its torque by itself when the controller is silent",
          "Shafts that may turn freely: the lock is open", "enabled, no torque",
@@ -73,21 +75,21 @@ STEPS: tuple[Step, ...] = (
     Step("tune", "Gain of the torque loop",
          "A torque step is followed without oscillation, also at twice the gain",
          "A unit on the bench, clamped at both shafts", "torque behind a verified lock",
-         (*MOTION, "torque_control", "fixture"), NOT_PROVEN),
+         (*MOTION, "torque_control", "fixture"), NOT_PROVEN, by_recipe=True),
     Step("timing", "Timing of this computer",
          "This computer keeps the scan period with these devices",
          "All devices switched on", "off",
-         ("can", "amplifier", "devices", "can_devices", "channels", "brake", "remote_io")),
+         ("can", "amplifier", "devices", "can_devices", "channels", "brake", "remote_io"), by_recipe=True),
 )
 # fmt: on
 
 STEP_BY_ID = {step.id: step for step in STEPS}
 
 NOT_COMMISSIONED = {
-    "bench": "name and revision say nothing of the hardware; the loaded shaft is named where it counts",
-    "pace": "only virtual benches have it",
-    "calibrations": "measured by runs, each with its due date",
-    "master_parts": "units, not hardware of the bench",
+    "bench": "name and revision do not describe the hardware; steps that depend on the loaded shaft name it themselves",
+    "pace": "only a virtual bench has this section",
+    "calibrations": "runs measure them; each has its own due date",
+    "master_parts": "master parts are units, not hardware of the bench",
 }
 """Sections of a bench file that no step depends on as a whole, and why."""
 

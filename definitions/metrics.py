@@ -59,7 +59,7 @@ FITS: dict[str, Fit] = {
     ),
     "six_segment_20pct": Fit(
         "six-segment fit",
-        "as six_segment, with the break torque at 20 % of the reference torque",
+        "as six-segment fit, with the break torque at 20 % of the reference torque",
         "inverse loading",
     ),
     "three_region": Fit(
@@ -228,7 +228,8 @@ _ROWS = (
         "stiffness characterization",
         Bad("high", "the grade is better than required", LOOSE.too_high),
         Usual(1.0, 2.0, floor=GRADES[0].grade, ceiling=GRADES[-1].grade),
-        branches=WIDTH, estimator="table of grades", band=0.03, variants=tuple(GRADED), reach=0.03, graded=True,
+        branches=WIDTH, estimator="table of precision grades", band=0.03, variants=tuple(GRADED), reach=0.03,
+        graded=True,
     ),
     Metric(
         "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r by default)", ARCMINUTES,
@@ -298,7 +299,7 @@ _ROWS = (
         "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r by default)", ARCSECONDS,
         "loop width within one side at the chosen torque (50 % of the reference torque by default): |f(T) − r(T)|",
         "stiffness characterization",
-        Bad("high", "less hysteresis than expected", "more hysteresis than allowed: friction"),
+        Bad("high", "less hysteresis than expected", "more hysteresis than allowed: the unit has more friction"),
         Usual(1.0, 900.0),
         sides=SIDED, branches=WIDTH, torque=0.5, free=("torque",), reach=0.5, magnitude=True,
     ),
@@ -315,7 +316,7 @@ _ROWS = (
         "half the difference in wind-up of the two sides at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2, as "
         "measured; not the transmission error, which needs rotation",
         "static testing, there called transmission accuracy",
-        Bad("high", "the two sides differ less than expected", "one side winds up more than the other"),
+        Bad("high", "the wind-up of the two sides differs less than expected", "one side winds up more than the other"),
         Usual(1.0, 600.0),
         reach=1.0, span=(0.0, 1.0), magnitude=True,
     ),

@@ -67,14 +67,14 @@ class Segment:
 
 ROLES: dict[str, str] = {
     "none": "before the first and after the last segment",
-    "proof": "small torque that proves the lock",
+    "proof": "small torque that verifies the lock",
     "calibrate": "input torque against output torque, both directions, up and down",
     "virgin": "first rise from zero; never evaluated",
-    "approach": "way from one block's peak to the next; never evaluated",
+    "approach": "change from one block's peak torque to the next; never evaluated",
     "measure": "branch that is evaluated",
     "fatigue": "load cycle that conditions the unit; not evaluated",
     "dwell": "rest at a turning point",
-    "sweep": "sine about a mean torque, whose frequency goes up and down; not evaluated as a loop",
+    "sweep": "sine about a mean torque with rising and falling frequency; not evaluated as a loop",
     "unload": "torque to zero",
 }
 

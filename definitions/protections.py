@@ -70,8 +70,10 @@ DRIVE_PROTECTIONS: tuple[Protection, ...] = (
                "A jump of the set-point is a jump of the torque; only the controller's rate limits it"),
     Protection("follows_command", "the drive says that it follows the set-point",
                (("status_bit_12", "0x6041 bit 12"),),
-               "Watched in every scan (drive_not_following)",
-               "A drive that is enabled and ignores its set-point is noticed by the torque that does not come"),
+               "Watched in every scan in which a torque or speed is ordered (drive_not_following); not while the"
+               " lock is verified",
+               "A drive that is enabled and ignores its set-point is noticed by the torque that does not come, as"
+               " late as the longest time of a ramp"),
 )
 """What the drive itself enforces or tells, also when this program is dead."""
 # fmt: on
@@ -82,7 +84,8 @@ NOT_TRIED = "not tried on hardware"
 """What is said of a profile that was written from a drive's documents alone."""
 
 UNPROVEN = (
-    "not measured: that this drive ends its torque when the program dies. Its settings were read back; some drives hold"
+    "not measured: whether this drive removes its torque when the program dies. Its settings were read back; some "
+    "drives hold"
     " them and do not act on them. Measure it once: lostmotion bench watchdogs."
 )
 """What every result says of a bench on real wires, where nobody knows what the drive does."""
@@ -94,3 +97,43 @@ MISSING = "protection missing: "
 def missing_text(protection: Protection) -> str:
     """Return what a result says of a protection that the drive does not have."""
     return f"{MISSING}{protection.meaning} ({protection.objects}). {protection.without}."
+
+
+# fmt: off
+WITHOUT_INTERLOCK: dict[str, str] = {
+    "estop": "Safe torque off, wired in hardware, takes the torque all the same; the set-points would go on",
+    "guard_open": "Only what is wired to the guard stops the drive; a ramp would go on with the guard open",
+    "operator_quick_stop": "The emergency stop is what a person has left",
+    "can_lost": "The drive notices the missing set-points and heartbeat by itself (0x1400:5, 0x1016)",
+    "drive_heartbeat_lost": "A drive without power shows as missing process data (drive_data_stale)",
+    "drive_data_stale": "Angle and torque of the drive stand still in the image; its heartbeat may go on",
+    "amplifier_lost": "Values stand still and grow old (sample_stale)",
+    "sample_stale": "The torque loop goes on by an old value: it ramps until a limit of the drive (0x6072)",
+    "sample_frozen": "As sample_stale, with answers that look new",
+    "brake_link_lost": "A lock that opens is noticed when the locked shaft turns (lock_slip)",
+    "remote_io_lost": "Emergency stop and guard are not seen any more; what is wired in hardware acts",
+    "drive_fault": "The drive is without torque by itself; the run would wait for a torque that does not come",
+    "drive_emergency": "The drive's own reaction is what is left",
+    "drive_dropped_out": "The set-points go on and act when the drive is enabled again: a jump of torque",
+    "drive_mode_refused": "A torque set-point would be taken for a speed, or for nothing",
+    "drive_internal_limit": "The ramp lags behind its set-point; the measurement is wrong, and its checks refuse it",
+    "torque_out_trip": "The limits of the drive are left (0x6072); they may be above what the unit bears",
+    "torque_in_trip": "As torque_out_trip, at the loaded shaft",
+    "torque_out_alarm": "The torque goes on to its trip limit",
+    "overspeed": "The largest speed of the drive is left (0x6080)",
+    "over_travel": "The speed limit is left; a broken coupling turns on",
+    "lock_slip": "The locked shaft turns on under load, and the torque falls; the checks of the trace refuse the run",
+    "brake_current_lost": "Noticed when the locked shaft turns (lock_slip)",
+    "housing_temperature": "The unit gets warmer than its lubricant may, and stiffness changes with it",
+    "missed_periods": "Set-points stand still for longer than a period; the drive's time-out is left (0x1400:5)",
+    "sensor_not_a_number": "The torque loop has nothing to go by; the drive's limits are left",
+    "sensor_saturated": "The true torque is above what is shown, and the loop goes on",
+    "torque_channels_disagree": "A sensor that stands still lets the torque rise to the drive's limit (0x6072)",
+    "sample_late": "The ramp goes on while samples are late, until sample_stale",
+    "brake_stays_closed": "A lock that is said to be open holds a wound-up unit, and people reach in",
+    "sample_not_ready": "Values of a sensor that is switched off or in calibration count as measured",
+    "drive_not_following": "Noticed by the torque that does not come: after the longest time of a ramp",
+    "angle_channels_disagree": "The stiffness is wrong by what the sensor slips; checks of the trace refuse most",
+}
+"""What happens without each interlock of the controller, by its id: what is left then."""
+# fmt: on

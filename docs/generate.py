@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from pathlib import Path
 
@@ -16,13 +16,16 @@ from definitions.faults import FAULTS
 from definitions.image import IMAGE_FIELDS, ORDERS_FIELDS, DriveCommand, Field, State
 from definitions.jog import PHASES, PROTECTIONS
 from definitions.program import ROLES
-from definitions.protections import DRIVE_PROTECTIONS
+from definitions.protections import DRIVE_PROTECTIONS, WITHOUT_INTERLOCK
 from definitions.states import STATES
+from docs.interface_pages import command_options, record_files, rest
 from docs.markdown import NOTE, table
 from docs.metric_page import metrics
 from docs.option_pages import bench_options, recipe_options
+from docs.profile_page import profile_options
 from docs.schemas import FILES, schema_of
 from drivers.servo_drive.cia402 import CONTROL_WORDS
+from faultlab.rows import ROWS
 from recipes.compiler.budgets import BUDGETS
 from recipes.text.section import option_name
 from virtual_bench.faults.names import Vocabulary
@@ -31,6 +34,8 @@ from virtual_bench.faults.vocabulary import BY_NAME, NOT_BY_WALL_CLOCK, on_the_w
 from virtual_bench.faults.vocabulary import FAULTS as INJECTED
 
 FOLDER = Path(__file__).parent
+SHOWN = 3
+"""Faults that bring an interlock up on purpose, on the page; the fault matrix has them all."""
 
 
 def name(state: State) -> str:
@@ -192,14 +197,29 @@ def checks() -> str:
     )  # fmt: skip
 
 
+def provoked_by(fault: str) -> str:
+    """What brings an interlock up on purpose: the rows of the fault matrix, or else its row of the exits."""
+    rows = [f"`{row.name}`" for row in ROWS if fault in row.causes]
+    more = f" and {len(rows) - SHOWN} more" if len(rows) > SHOWN else ""
+    return ", ".join(rows[:SHOWN]) + more if rows else "its row in [exits](exits.md)"
+
+
+def in_states(live_in: Collection[State]) -> str:
+    """States by their names: those, or all but the others, whichever is shorter."""
+    others = [name(state) for state in State if state not in live_in]
+    listed = [name(state) for state in State if state in live_in]
+    return ", ".join(listed) if len(listed) <= len(others) else f"all but {', '.join(others)}"
+
+
 def safety() -> str:
     """The page of what protects: each protection, what proves it, what happens without it."""
     watched = [
         (
-            fault.text,
-            f"`{fault.id}`, in {len(fault.live_in)} states",
+            f"`{fault.id}`: {fault.text}",
+            in_states(fault.live_in),
             fault.reaction.name.lower().replace("_", " "),
-            fault.cause,
+            provoked_by(fault.id),
+            WITHOUT_INTERLOCK[fault.id],
         )
         for fault in FAULTS
         if fault.live_in
@@ -223,9 +243,12 @@ def safety() -> str:
             ("the bench has", "what is not proven", "what remains"),
             ((row.lacking, row.unproven, row.remains) for row in DEVICE_PROOFS),
         )
-        + "\n## Of the controller\n\nInterlocks, looked at in every scan. What happens when each cause is brought about on purpose: [fault"
-        " matrix](fault-matrix.md). Without the program none of them acts; then the drive's own protections are what is left.\n\n"
-        + table(("what is noticed", "interlock", "reaction", "what it stands for"), watched)
+        + "\n## Of the controller\n\nInterlocks, looked at in every scan of the states named. Each is proven by the faults that bring it up on purpose, in each of these"
+        " states: [fault matrix](fault-matrix.md), times in [exits](exits.md). Without the program none of them acts; then the drive's own protections"
+        " are what is left.\n\n"
+        + table(("interlock", "in the states", "reaction", "what proves it", "what happens without it"), watched)
+        + "\n**A contact that is welded, or a wire that is bridged, reads closed for ever**: no program can see that. It is found by"
+        " `lostmotion bench io`, and by pressing the emergency stop and opening the guard at the times that the bench's risk assessment sets.\n"
         + "\n## Of a jog\n\nA technician turns the shaft with people near it. Key first, then the enabling device: each movement takes both.\n\n"
         + table(("protection", "what proves it", "what happens without it"), PROTECTIONS)
     )  # fmt: skip
@@ -239,8 +262,12 @@ PAGES: dict[str, Callable[[], str]] = {
     "recipe-options.md": recipe_options,
     "fault-vocabulary.md": fault_vocabulary,
     "bench-options.md": bench_options,
+    "profile-options.md": profile_options,
     "safety.md": safety,
     "checks.md": checks,
+    "command-options.md": command_options,
+    "rest.md": rest,
+    "record-files.md": record_files,
 } | {f"schema/{file}": partial(schema_of, file) for file in FILES}
 
 if __name__ == "__main__":

@@ -26,7 +26,8 @@ from drivers.modbus.part_fields import check_parts, source_problems
 from drivers.pace import Pace
 from drivers.sample import ComposedSample
 from drivers.servo_drive.drive import CanDrive, Listener
-from drivers.servo_drive.output_brake import OutputBrake, output_brake_problems, read_outputs
+from drivers.servo_drive.objects import output_brake_problems
+from drivers.servo_drive.output_brake import OutputBrake, read_outputs
 from drivers.servo_drive.pdo import HEARTBEAT_BASE
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive

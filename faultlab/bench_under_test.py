@@ -80,7 +80,7 @@ class BenchUnderTest:
     ) -> None:
         job = load_job(recipe, bench)
         chosen = choose_unit(unit, job.recipe, seed)
-        self._bench = Bench(job, virtual_config(job.bench, job.profile_paths, chosen), None)
+        self._bench = Bench(job.program, virtual_config(job.bench, job.profile_paths, chosen), None)
         self._ended = False
 
     @property
@@ -144,7 +144,7 @@ class BenchUnderTest:
         self._must_go_on("inject")
         if (target, verb) in FAULTS and only_over_wires(target, verb):
             where = "write a scenario file for it and run that with 'lostmotion faults run FILE --wires'"
-            raise ValueError(f"{target} {verb} acts over wires only, this bench runs in virtual time: {where}")
+            raise ValueError(f"{target} {verb} acts over real wires only, and this bench runs in virtual time: {where}")
         options = {"target": target, "verb": verb, "value": value, "for_ms": for_ms, "when": AT_ONCE}
         self._bench.faults.inject([checked(Fault, options)])
 

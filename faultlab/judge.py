@@ -155,7 +155,7 @@ def _event(run: FaultRun, expect: Expect) -> str:
         return "no fault has acted"
     after = [place for place in found if place >= acted]
     if not after:
-        return f"came before the fault acted; alarms were: {alarms_given(run)}"
+        return f"the alarm came before the fault acted; alarms were: {alarms_given(run)}"
     waited = run.waited(acted, after[0])
     return (
         "" if waited <= (expect.within_scans or 0) else f"came after {waited} scans; alarms were: {alarms_given(run)}"
@@ -171,10 +171,10 @@ def _reaction(run: FaultRun, expect: Expect) -> str:
     instead = f"reactions were: {changes_given(run, reactions(run))}"
     place = next((place for place in range(alarm, len(run.orders)) if run.orders[place].reaction == wanted), None)
     if place is None:
-        return f"did not come into force; {instead}"
+        return f"the reaction did not take effect; {instead}"
     waited = run.waited(alarm, place)
     if waited > (expect.within_scans or 0):
-        return f"came {waited} scans after the alarm; {instead}"
+        return f"the reaction came {waited} scans after the alarm; {instead}"
     return "; ".join(not_as_in_table(run, place))
 
 
@@ -186,7 +186,7 @@ def not_as_in_table(run: FaultRun, place: int) -> list[str]:
     order, state = DriveCommand(given.drive_command), State(given.state)
     if row.orders and order not in row.orders:
         usual = " or ".join(command.name.lower() for command in row.orders)
-        wrong.append(f"ordered {order.name.lower()} {at(run, place)}, the reaction orders {usual}")
+        wrong.append(f"the drive command was {order.name.lower()} {at(run, place)}; this reaction gives {usual}")
     if row.state is not None and state != row.state:
         wrong.append(f"state {state.name.lower()} {at(run, place)}; this reaction leads to {row.state.name.lower()}")
     if place and run.orders[place - 1].brake_on != given.brake_on:
@@ -196,7 +196,9 @@ def not_as_in_table(run: FaultRun, place: int) -> list[str]:
     )
     if row.then is not None and following is not None and following.name != row.then.name.lower():
         usual = row.then.name.lower()
-        wrong.append(f"the next order was {following.name} {at(run, following.place)}, this reaction allows {usual}")
+        wrong.append(
+            f"the next drive command was {following.name} {at(run, following.place)}; this reaction allows {usual}"
+        )
     return wrong
 
 
@@ -210,7 +212,7 @@ def _order(run: FaultRun, expect: Expect) -> str:
         if run.orders[place].drive_command == wanted:
             waited = run.waited(alarm, place)
             return "" if waited <= (expect.within_scans or 0) else f"came {waited} scans after the alarm; {instead}"
-    return f"was not given; {instead}"
+    return f"the drive command was not given; {instead}"
 
 
 def _torque_below(run: FaultRun, expect: Expect) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from controller.context import Event
 from controller.controller import Controller
 from definitions.image import Command, Image, Orders, State
+from definitions.program import Program
 from station.bench.assemble_virtual import virtual_config
 from station.bench.request import Job
 from station.bench.virtual_unit import VirtualUnit
@@ -73,10 +74,10 @@ class FaultRun:
 class Bench:
     """A bench in virtual time with its controller; `go` steps both. Used by scenarios, the matrix and plant's tests."""
 
-    def __init__(self, job: Job, config: BenchConfig, scenario: Scenario | None) -> None:
-        period_ns = job.recipe.sampling.period_ns
+    def __init__(self, program: Program, config: BenchConfig, scenario: Scenario | None) -> None:
+        period_ns = round(program.period_s * 1e9)
         self.bench = VirtualTimeBench(config, period_ns, scenario)
-        self.controller = Controller(job.program)
+        self.controller = Controller(program)
         self.run = FaultRun(period_ns * 1e-9)
         self._operator = list(scenario.operator) if scenario is not None else []
         self._scan = -1
@@ -182,4 +183,4 @@ class Bench:
 
 def run_scenario(job: Job, unit: VirtualUnit, scenario: Scenario) -> FaultRun:
     """Run a scenario in virtual time."""
-    return Bench(job, virtual_config(job.bench, job.profile_paths, unit), scenario).finish()
+    return Bench(job.program, virtual_config(job.bench, job.profile_paths, unit), scenario).finish()

@@ -58,7 +58,7 @@ def own_folder(name: str) -> Path:
     user, mode = os.geteuid(), stat.S_IMODE(found.st_mode)
     if found.st_uid != user:
         what = f"belongs to user {found.st_uid}, this is user {user}"
-        raise StationError(f"{folder}: {what}. Run the command as the user of the bench")
+        raise StationError(f"{folder}: {what}. Run the command as the user to whom this folder belongs")
     if mode & OF_OTHERS:
         raise StationError(f"{folder}: found mode {mode:04o}; allowed is {OWN_FOLDER:04o}. Run: chmod 700 {folder}")
     return folder

@@ -380,10 +380,11 @@ async def run(
             loop.add_signal_handler(number, stop.set)
     try:
         ready = await _start(bench, config)
+        hands = Hands(loop, bench.drive.faults, log, _vocabulary(config))
         if config.end_with_parent:
-            loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log).read)
+            loop.add_reader(sys.stdin.fileno(), ParentInput(loop, stop, bench.tell, log, hands).read)
         elif config.hands:
-            loop.add_reader(sys.stdin.fileno(), Hands(loop, bench.drive.faults, log, _vocabulary(config)).read)
+            loop.add_reader(sys.stdin.fileno(), hands.read)
         gc.collect()
         gc.freeze()
         bench.advance()

@@ -273,7 +273,7 @@ def _because(  # noqa: PLR0917 - what was found, and what it was held against
     row = definition(wanted)
     unit = "" if row.unit == "1" else f" {row.unit}"
     if budget is None and verdict is Verdict.NOT_DECIDABLE:
-        return f"{value:.4g}{unit}: the guard band needs its uncertainty, which {why_none}"
+        return f"{value:.4g}{unit}: the guard band needs the uncertainty of this value, which {why_none}"
     bound = wanted.min if limit == "min" else wanted.max
     if budget is not None and verdict is Verdict.NOT_DECIDABLE:
         return (
@@ -289,7 +289,7 @@ def _what_helps(budget: Budget) -> str:
     largest = budget.rows[0] if budget.rows else None
     if largest is None or largest.quantity in OF_CYCLES:
         return "measure more cycles"
-    said = f"the largest contribution is: {largest.text}"
+    said = f"the largest contribution to the uncertainty is: {largest.text}"
     if largest.quantity.startswith(OPEN):
-        return f"{said}; make the limit of that check smaller (validity), or write 'left_open: told'"
-    return f"{said}; more cycles do not reduce it"
+        return f"{said}; lower the limit of that check in the recipe (validity), or write 'left_open: told'"
+    return f"{said}; more cycles do not reduce this contribution"

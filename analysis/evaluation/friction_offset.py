@@ -29,6 +29,6 @@ def friction_offset_note(ratio: Quadrants | None, catalogue_nm: float | None) ->
         return ""
     return (
         f"friction of the input side is {found_nm:.3g} N·m at the output, and {catalogue_nm:.3g} N·m by the catalogue: "
-        "the unit has other friction, or the output torque sensor has hysteresis, which is in every play and width. "
-        "Measure the master part"
+        "the friction of this unit differs, or the output torque sensor has hysteresis, which adds to every backlash "
+        "and loop width. Measure the master part"
     )

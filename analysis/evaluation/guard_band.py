@@ -74,9 +74,7 @@ def _with_tails(process: Process) -> Process:
         low, high = _tails(process)
         wide = high - low
     if not (math.isfinite(low) and math.isfinite(high) and math.isfinite(wide)):
-        raise AnalysisError(
-            f"process: {process.text}: it reaches beyond the largest number; give it in the unit of the limits"
-        )
+        raise AnalysisError(f"process: {process.text}: its numbers are too large; give them in the unit of the limits")
     return process
 
 
@@ -141,8 +139,9 @@ def guard_for(process: Process, low: float | None, high: float | None, u: float,
 
     if not excess(-5.0 * u) > 0.0 > excess(most):
         raise AnalysisError(
-            f"guard band: no guard band from {-5.0 * u:g} to {most:g} accepts {false_accept:.3%} wrongly; "
-            "choose another share, or measure with a smaller uncertainty"
+            f"guard band: no guard band from {-5.0 * u:g} to {most:g} has a risk of {false_accept:.3%} of wrongly "
+            "accepted parts; "
+            "choose another risk, or measure with a smaller uncertainty"
         )
     return float(optimize.brentq(excess, -5.0 * u, most, xtol=1e-9 * u))
 
@@ -156,7 +155,8 @@ def _check(low: float | None, high: float | None, u: float, guard: float) -> Non
         raise AnalysisError(f"decision: guard band: found {guard:g}; expected a finite number")
     if low is not None and high is not None and not low + guard < high - guard:
         raise AnalysisError(
-            f"decision: limits {low:g} and {high:g} with a guard band of {guard:g}: nothing is left between; "
+            f"decision: limits {low:g} and {high:g} with a guard band of {guard:g}: no accepted value is left between "
+            "them; "
             "measure with a smaller uncertainty"
         )
 

@@ -77,4 +77,4 @@ def check_limits(name: str, low: float | None, high: float | None) -> None:
         if limit is not None and not math.isfinite(limit):
             raise AnalysisError(f"metric {name}: {which}: found {limit}; expected a finite number, or no limit")
     if low is not None and high is not None and low > high:
-        raise AnalysisError(f"metric {name}: min {low:g} is above max {high:g}; exchange them")
+        raise AnalysisError(f"metric {name}: min {low:g} is above max {high:g}; exchange min and max")

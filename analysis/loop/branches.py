@@ -70,7 +70,7 @@ class Branch:
         if not self.covers(low, high):
             asked = f"{low:.4g}" if low == high else f"{low:.4g}…{high:.4g}"
             raise AnalysisError(
-                f"the branch covers {self.torque_nm[0]:.4g}…{self.torque_nm[-1]:.4g} N·m and is asked for "
+                f"the branch covers {self.torque_nm[0]:.4g}…{self.torque_nm[-1]:.4g} N·m; needed is a value at "
                 f"{asked} N·m; load the unit further or lower the reference torque"
             )
         return interpolate(self.torque_nm, self.angle_arcmin, wanted)

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 
 STAGES: dict[str, str] = {
     "time alignment": "channels that lag are shifted to a common time",
-    "wind-up": "one angle at the output from the angles of both shafts",
-    "turning points": "branches, from the commanded segments or from the turning points of the curve",
+    "wind-up": "angles of both shafts combined into one angle at the output",
+    "turning points": "branches found by the commanded segments or by the turning points of the curve",
     "virgin quarter": "only full branches are used: no first rise, approaches, conditioning or final unloading",
     "output torque": "torque at the output, as measured or from the input torque by the torque ratio",
     "drift": "wind-up over time from branches of the same direction in successive cycles",
@@ -17,7 +17,7 @@ STAGES: dict[str, str] = {
     "branches": "rising and falling branch of each cycle, paired",
     "binning": "samples averaged in blocks along time, torque and angle alike",
     "monotone regression": "torque smoothed to rise along a rising branch; points that become equal are averaged",
-    "reversal zones": "torque range after each turning point where friction still reverses: left out of the fit",
+    "reversal zones": "torque range after each turning point, where friction still reverses, left out of the fit",
     "fits": "linear and quadratic segments of both branches and their mean curve",
     "uncertainty": "contributions to the uncertainty of the metrics",
 }

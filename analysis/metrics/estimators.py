@@ -151,7 +151,7 @@ def stiffness_at(loop: Loop, ask: Ask) -> float:
     if ask.torque_nm > loop.method.fit_nm:
         raise AnalysisError(
             f"the fitted curve ends at {loop.method.fit_nm:.4g} N·m, needed is {ask.torque_nm:.4g} N·m; choose a "
-            "torque within, or a higher reference torque"
+            "torque below that, or a higher reference torque"
         )
     return _curve(loop, ask).stiffness_at(ask.side * ask.torque_nm)
 
@@ -187,7 +187,8 @@ def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
     missing = max(abs(float(one - other)) for one, other in zip(*ends, strict=True))
     if missing > OPEN * max(float(high - low) for low, high in ends):
         raise AnalysisError(
-            f"the loop is incomplete: after a reversal, {missing:.3g} N·m of one branch are missing, so it has no "
+            f"the loop is incomplete: after a reversal, {missing:.3g} N·m of one branch are missing, so the loop has "
+            "no "
             "area; measure the torque at the output, or leave this metric out of the recipe"
         )
     return loop.energy_nm_arcmin

@@ -128,10 +128,10 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
                 scale_nm = _scale_nm(found.fun, loop)
                 found = search(found.x, MOST_EVALUATIONS, loss="cauchy", f_scale=scale_nm, ftol=enough)
     except (ValueError, np.linalg.LinAlgError) as error:
-        raise AnalysisError(f"model {model}: the fit fails on this loop: {error}; look at the loop") from error
+        raise AnalysisError(f"model {model}: the fit fails on this loop: {error}; check the measured loop") from error
     if found.status <= 0:
         raise AnalysisError(
-            f"model {model}: no fit after {MOST_EVALUATIONS} evaluations; look at the loop, or fix a parameter"
+            f"model {model}: no fit after {MOST_EVALUATIONS} evaluations; check the measured loop, or fix a parameter"
         )
     at_bound = np.flatnonzero(found.active_mask[: len(free)]).tolist()
     inside = [index for index in range(len(free)) if index not in at_bound]

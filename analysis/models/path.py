@@ -60,7 +60,7 @@ def checked_angles(angle_arcmin: FloatArray) -> FloatArray:
         row = int(np.argmax(bad)) + 1
         raise AnalysisError(
             f"model: angle {row} is {angle[row - 1]} arcmin; expected a finite angle within "
-            f"±{LARGEST_ANGLE_ARCMIN:g} arcmin; repair or remove it"
+            f"±{LARGEST_ANGLE_ARCMIN:g} arcmin; repair or remove this angle"
         )
     return angle
 

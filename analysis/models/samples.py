@@ -93,7 +93,9 @@ def loop_samples(
             "remove the row"
         )
     if angle.size < LEAST_POINTS:
-        raise AnalysisError(f"model: found {angle.size} samples; expected {LEAST_POINTS} or more of a whole loop")
+        raise AnalysisError(
+            f"model: found {angle.size} samples; expected {LEAST_POINTS} or more of a whole loop; record more samples"
+        )
     measured = [run for run in (found_runs(torque) if runs is None else runs) if run.role not in UNUSED_ROLES]
     if {run.direction for run in measured} != {-1, 1}:
         raise AnalysisError(
@@ -121,7 +123,10 @@ def samples_of_branches(
     branches that are no pairs, or hold fewer than 40 points.
     """
     if not forward or len(forward) != len(backward):
-        raise AnalysisError(f"model: {len(forward)} rising and {len(backward)} falling branches; expected pairs")
+        raise AnalysisError(
+            f"model: {len(forward)} rising and {len(backward)} falling branches; expected as many of each; record "
+            "whole loops"
+        )
     path = [
         piece
         for rising, falling in zip(forward, backward, strict=True)

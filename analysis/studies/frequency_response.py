@@ -200,7 +200,7 @@ def fit_resonance(found: FrequencyResponse) -> Resonance:
     if f.size < LEAST_LINES:
         raise AnalysisError(
             f"resonance: {f.size} lines reach the coherence limit; "
-            f"expected {LEAST_LINES} or more; record longer or excite more"
+            f"expected {LEAST_LINES} or more; record longer, or raise the amplitude of the chirp"
         )
     weight = 1.0 / (np.abs(h) * np.maximum(found.u_relative[found.used], NOISE_FLOOR))
     static = float(np.median(np.abs(h[: max(3, f.size // 20)])))
@@ -215,12 +215,12 @@ def fit_resonance(found: FrequencyResponse) -> Resonance:
         with np.errstate(all="ignore"):
             fits = [optimize.least_squares(residual, start, x_scale=[1, 1, 1, 1e-3], max_nfev=400) for start in starts]
     except (ValueError, np.linalg.LinAlgError) as error:
-        raise AnalysisError(f"resonance: the fit fails: {error}; look at the response") from error
+        raise AnalysisError(f"resonance: the fit fails: {error}; check the measured response") from error
     best = min(fits, key=lambda fit: float(fit.cost))
     compliance, natural, damping = np.exp(best.x[:3]).tolist()
     if best.status <= 0 or not f[0] <= natural <= f[-1]:
         raise AnalysisError(
-            f"resonance: none between {f[0]:.4g} and {f[-1]:.4g} Hz; widen the band of the sweep, or look at the "
+            f"resonance: none between {f[0]:.4g} and {f[-1]:.4g} Hz; widen the band of the sweep, or check the "
             "coherence"
         )
     chi = 2.0 * float(best.cost) / (2 * f.size - 4)

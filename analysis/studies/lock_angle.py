@@ -57,7 +57,7 @@ def lock_angle_study(metrics: Mapping[str, Sequence[float] | FloatArray], level:
     """
     checked_level(level)
     if not metrics:
-        raise AnalysisError("lock angle: no metric; give values per lock position")
+        raise AnalysisError("lock angle: found no metric; give at least one metric with a value for each lock position")
     rows = {name: checked_row(values, f"lock angle: {name}", LEAST_POSITIONS) for name, values in metrics.items()}
     sizes = {name: row.size for name, row in rows.items()}
     if len(set(sizes.values())) > 1:

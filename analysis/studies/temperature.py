@@ -48,8 +48,9 @@ class TemperatureTrend:
         span = self.high_c - self.low_c
         if not self.low_c - span <= temperature_c <= self.high_c + span:
             raise AnalysisError(
-                f"temperature: {temperature_c:g} °C; the slope was measured from {self.low_c:g} to {self.high_c:g} °C; "
-                "measure runs near this temperature"
+                f"temperature: {temperature_c:g} °C is too far outside the temperatures of the slope, {self.low_c:g} "
+                "to "
+                f"{self.high_c:g} °C; measure runs near this temperature"
             )
         return value - self.slope_per_c * (temperature_c - self.reference_c)
 
@@ -71,7 +72,8 @@ def temperature_trend(
         raise AnalysisError(f"temperature: {x.size} temperatures for {y.size} values; expected one of each per run")
     if float(np.ptp(x)) < LEAST_SPAN_C:
         raise AnalysisError(
-            f"temperature: runs from {x.min():g} to {x.max():g} °C; expected {LEAST_SPAN_C:g} °C or more between them"
+            f"temperature: runs from {x.min():g} to {x.max():g} °C; expected {LEAST_SPAN_C:g} °C or more between "
+            "them; measure warmer or colder"
         )
     centre = float(x.mean())
     spread = float(np.square(x - centre).sum())

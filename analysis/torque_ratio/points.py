@@ -40,8 +40,8 @@ def fit_points(trace: Trace, rows: IntArray) -> RatioFit:
         first, then = sorted((low, high))
         raise AnalysisError(
             f"{trace.source}: row {rows[then]}, column torque_out_nm: found {torque_out[then]:g} N·m after "
-            f"{torque_out[first]:g} N·m in row {rows[first]}; expected torques of one sign: friction reverses, and "
-            "each sign has a line of its own; keep one of them, or name the rows in a column segment (calibrate +1 1, "
+            f"{torque_out[first]:g} N·m in row {rows[first]}; expected torques of one sign: friction reverses, so "
+            "each sign needs its own line; keep one of them, or name the rows in a column segment (calibrate +1 1, "
             "calibrate -1 1)"
         )
     try:

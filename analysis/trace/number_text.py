@@ -130,8 +130,9 @@ def _decimal_sign(
         return "."
     row, name, text = unsure
     raise fail(
-        row, name, f"'{text}', where the sign may be decimal or separate thousands", "a number with a point",
-        "write no thousands separators, or add one decimal",
+        row, name, f"'{text}', where the point or comma may be a decimal sign or a thousands separator",
+        "a number with a point",
+        "write no thousands separators, or add a decimal place to one number",
     )  # fmt: skip
 
 

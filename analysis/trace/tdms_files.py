@@ -77,7 +77,7 @@ def _chosen_group(tdms: Any, known: frozenset[str], file: Path) -> Any:
         raise AnalysisError(f"{file}: found known channels in groups {', '.join(chosen)}; keep one group per file")
     raise AnalysisError(
         f"{file}: found {found or 'no groups'}; expected a group with some of "
-        f"{', '.join(sorted(known))}; name the channels so"
+        f"{', '.join(sorted(known))}; give the channels these names"
     )
 
 

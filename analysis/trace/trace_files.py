@@ -98,7 +98,7 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
             channel = COLUMNS[name][0]
             if channel in chosen:
                 raise TableError(
-                    file, f"columns {names[chosen[channel]]} and {name}, which both are {channel}", "one of them",
+                    file, f"columns {names[chosen[channel]]} and {name}, which both mean {channel}", "one of them",
                     "keep one of them", column=name,
                 )  # fmt: skip
             chosen[channel] = index
@@ -110,7 +110,7 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
     _refuse_near_misses(names, file)
     _check_units(table)
     if table.rows == 0:
-        raise TableError(file, "no rows behind the header", "the samples of a loop", "record a loop")
+        raise TableError(file, "no rows below the header", "the samples of a loop", "record a loop")
     channels, decimals = _channels(table, chosen)
     segment: IntArray | None = None
     segments: dict[int, SegmentInfo] = {}

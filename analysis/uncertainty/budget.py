@@ -105,7 +105,7 @@ def _budget(entries: Sequence[Entry], kind: str) -> Budget:
     contributions = np.array([entry.contribution for entry in entries])
     if not np.isfinite(contributions).all():
         raise AnalysisError(
-            "the uncertainty has no number: a metric of a loop moved by an error of its sensors has none"
+            "the uncertainty has no value: with one of the sensor errors added, the metric cannot be computed"
         )
     variance = float(np.square(contributions).sum())
     rows = [

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Literal, NamedTuple
@@ -21,7 +21,7 @@ from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import TorqueChannel
-from analysis.uncertainty.seen_angles import locked_width_arcmin, noise_seen_arcmin
+from analysis.uncertainty.seen_in_run import DelayTried, delay_tried, locked_width_arcmin, noise_seen_arcmin
 
 AngleName = Literal["angle_in", "angle_out"]
 
@@ -30,11 +30,15 @@ LINE_POINTS = 100
 
 
 class Stretch(NamedTuple):
-    """One branch in time: samples, start [s] and duration [s]; no times in a trace without a time column."""
+    """One branch in time: samples, start [s] and duration [s]; no times in a trace without a time column.
+
+    delayed: what a delay of the torque does to the branch, by a trial of it; None where it could not be tried.
+    """
 
     samples: int
     start_s: float
     seconds: float
+    delayed: DelayTried | None = None
 
     @property
     def timed(self) -> bool:
@@ -46,7 +50,8 @@ class Points(NamedTuple):
     """Torque at the output [N·m] and wind-up [arcmin] of a branch, direction (+1 rising), input torque, and time.
 
     slope: of the calibration line at each point. torque_in_nm and seconds are None where they are not known; slope and
-    rate_nm_s are 0 then.
+    rate_nm_s are 0 then. late_arcmin_s: change of the wind-up per second by which the torque is late; None where the
+    rate is all that tells it.
     """
 
     torque_nm: FloatArray
@@ -56,6 +61,7 @@ class Points(NamedTuple):
     slope: FloatArray | float
     seconds: FloatArray | None
     rate_nm_s: float
+    late_arcmin_s: FloatArray | None = None
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class MeasurementConditions:
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
     the run, of the channels where they were. noise_seen_arcmin, locked_width_arcmin: what the angles show of their own
-    errors (`seen_angles`). way_arcmin: that the loaded shaft turns in a cycle, at the output. left_open: sizes of the
+    errors (`seen_in_run`). way_arcmin: that the loaded shaft turns in a cycle, at the output. left_open: sizes of the
     errors that the validity checks leave open and the budget shall have, by check, in the unit of its error.
     """
 
@@ -117,11 +123,14 @@ class MeasurementConditions:
         """Return a branch with what errors depend on."""
         torque = branch.torque_nm
         stretch = self.forward if direction > 0 else self.backward
-        seconds, rate = None, 0.0
+        seconds, rate, late = None, 0.0, None
         if stretch.timed:
             rate = direction * float(torque[-1] - torque[0]) / stretch.seconds
             seconds = stretch.start_s + (torque - torque[0 if direction > 0 else -1]) / rate
-        return Points(torque, branch.angle_arcmin, direction, *self._torque_in(torque, direction), seconds, rate)
+            if stretch.delayed is not None:
+                late = np.interp(torque, *stretch.delayed)
+        torque_in = self._torque_in(torque, direction)
+        return Points(torque, branch.angle_arcmin, direction, *torque_in, seconds, rate, late)
 
     def _torque_in(self, torque_nm: FloatArray, direction: int) -> tuple[FloatArray | None, FloatArray | float]:
         """Input torque by the calibration lines, and their slopes."""
@@ -175,8 +184,8 @@ def conditions_of(
     return MeasurementConditions(
         method=method,
         peak_nm=peak_nm,
-        forward=_stretch(found.pairs[0][0]),
-        backward=_stretch(found.pairs[0][1]),
+        forward=_stretch([pair[0] for pair in found.pairs]),
+        backward=_stretch([pair[1] for pair in found.pairs]),
         encoders=encoders[found.angles],
         fixture_corrected=corrects and method.fixture == "correct",
         converted=converts(trace, method) and isinstance(found.quadrants, Quadrants),
@@ -212,8 +221,10 @@ def _unseen_drift(found: Measured) -> float:
     return max(gaps) / minutes if minutes > 0.0 else 0.0
 
 
-def _stretch(samples: BranchSamples) -> Stretch:
-    time = samples.t_s
+def _stretch(branches: Sequence[BranchSamples]) -> Stretch:
+    """Return the branch of the first cycle in time, of all that go its way."""
+    first = branches[0]
+    time = first.t_s
     if time is None:
-        return Stretch(samples.torque_nm.size, math.nan, math.nan)
-    return Stretch(samples.torque_nm.size, float(time[0]), float(time[-1] - time[0]))
+        return Stretch(first.torque_nm.size, math.nan, math.nan)
+    return Stretch(first.torque_nm.size, float(time[0]), float(time[-1] - time[0]), delay_tried(branches))

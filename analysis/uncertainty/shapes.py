@@ -56,8 +56,13 @@ def input_torque(setting: Setting) -> FloatArray | float:
 
 
 def skew(setting: Setting) -> Effect:
-    """Torque that comes later than the angle by one second reads lower by the rate of torque, on a rising branch."""
+    """Torque that comes later than the angle by one second reads lower by the rate of torque, on a rising branch.
+
+    Both torques do, so the lines between them stay, and the wind-up at a torque is larger: by so much as was tried.
+    """
     points = setting.points
+    if points.late_arcmin_s is not None:
+        return Effect(angle_arcmin=points.late_arcmin_s)
     return Effect(-points.rate_nm_s, 0.0 if points.torque_in_nm is None else -points.rate_nm_s / points.slope)
 
 

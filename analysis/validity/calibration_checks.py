@@ -18,7 +18,7 @@ from analysis.torque_ratio.transition_fit import ZERO_BOUND
 from analysis.trace.runs import Run
 from analysis.validity.evidence import Figure, Reading, of_measured
 
-NOT_CONVERTED = "the torque at the output was not converted by a calibration in this run"
+NOT_CONVERTED = "needs an output torque that is calculated by a calibration in this run"
 NO_TRANSITION = "not needed: the calibration shows no transition after a reversal"
 
 

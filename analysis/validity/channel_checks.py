@@ -80,7 +80,7 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
     except AnalysisError:
         each = 2.0 * max(speeds) * EXAMPLE_LAG_S
         return (
-            f"{unknown}, and cycles at one speed cannot show them: at {max(speeds):.3g} arcmin/s every "
+            f"{unknown}, and cycles at one speed cannot show lags: at {max(speeds):.3g} arcmin/s every "
             f"{EXAMPLE_LAG_S * 1e3:g} ms of lag would change the width of the loop by {each:.2g} arcmin"
         )
     width = 2.0 * max(speeds) * abs(estimated.skew_s)
@@ -110,12 +110,12 @@ def time_scale(found: Measured) -> Reading | str:
     """Torque rate of a branch over that which the recipe plans, or the other way round, the larger one."""
     planned = found.method.planned_nm_s
     if planned is None:
-        return "the torque rates of the cycles are not planned in the recipe"
+        return "needs cycles with a torque rate in the recipe"
     worst = Reading(1.0)
     for one in _sides(found):
         time = found.recorded.t_s
         if time is None:
-            return "the trace has no time"
+            return "needs a trace with a time column"
         seconds = sum(float(time[rows.stop - 1] - time[rows.start]) for rows in one.run.pieces)
         span_nm = float(np.ptp(one.torque_nm))
         if not seconds > 0.0 or not span_nm > 0.0:
@@ -145,7 +145,7 @@ def ramp_rate(found: Measured) -> Reading | str:
         if len(one.run.pieces) > 1:
             continue
         if some.t_s is None:
-            return "the trace has no time"
+            return "needs a trace with a time column"
         exclusion = found.loops[number // 2].exclusion_nm[0 if one.run.direction > 0 else 1]
         deviations.append(_unsteadiness(some, some.t_s, exclusion))
     return Reading(100.0 * max(deviations)) if deviations else "loaded in steps"

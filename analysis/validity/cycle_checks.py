@@ -77,7 +77,7 @@ def repeat(found: Measured) -> Reading | str:
         return "needs two cycles"
     peak = min(min(-loop.forward.torque_nm[0], loop.backward.torque_nm[-1]) for loop in found.loops)
     if not peak > 0.0:
-        return "the loops do not pass through zero torque"
+        return "needs loops that pass through zero torque"
     grid = np.linspace(-MIDDLE * peak, MIDDLE * peak, GRID_POINTS)
     worst = 0.0
     for branches in ([loop.forward for loop in found.loops], [loop.backward for loop in found.loops]):
@@ -99,7 +99,7 @@ def copied_cycles(evidence: Evidence) -> Reading | str:
     if len(found.loops) < 2:
         return "needs two cycles"
     if not evidence.noise_declared:
-        return "no sensor noise is specified: identical cycles are possible"
+        return "needs the noise of the sensors in the bench file: without noise, identical cycles are possible"
     torques = sum(getattr(found.recorded, name) is not None for name in COMPARED if name.startswith("torque"))
     time = found.trace.t_s
     fast = time is not None and float(np.median(np.diff(time))) <= SLOWEST_S
@@ -123,7 +123,7 @@ def repeated_samples(evidence: Evidence) -> Reading | str:
     if found is None:
         return NOT_EVALUATED
     if not evidence.noise_declared:
-        return "no sensor noise is specified: identical samples are possible"
+        return "needs the noise of the sensors in the bench file: without noise, identical samples are possible"
     worst, where = 0.0, ""
     for one in (one for pair in found.pairs for one in pair):
         values = _as_measured(found, one.run)

@@ -39,7 +39,7 @@ SECANT = (0.25, 0.75)
 def stiffness_low(found: Measured) -> Reading | str:
     """Secant stiffness of the loops over that of the catalogue; the softer side."""
     if found.angles == "given":
-        return "a wind-up computed elsewhere may include its fixture, so its stiffness cannot be checked"
+        return "the wind-up was computed elsewhere and may include the fixture, so the stiffness cannot be checked"
     return _stiffness(found, min)
 
 
@@ -56,10 +56,10 @@ def _stiffness(found: Measured, side: Callable[[list[float]], float]) -> Reading
     """
     declared = found.method.catalogue_stiffness_nm_per_arcmin
     if declared is None:
-        return "no stiffness is declared for the unit"
+        return "needs the stiffness of the unit in the recipe"
     secants = [_secant_nm_per_arcmin(loop, way) for loop in found.loops for way in (1, -1)]
     if any(one is None for one in secants):
-        return "a loop does not pass through zero torque"
+        return "needs loops that pass through zero torque"
     worst = side([one for one in secants if one is not None])
     words = (
         f"the loop has {worst:.3g} N·m/arcmin, and the recipe declares {declared:g} for this unit: "
@@ -113,10 +113,10 @@ def width_growth(found: Measured) -> Reading | str:
     for side in (1, -1):
         widths = [_widths_arcmin(loop, side) for loop in found.loops]
         if not all(widths):
-            return "a loop does not reach both signs of torque"
+            return "needs loops with positive and negative torque"
         small, large = np.mean([one for one in widths if one], axis=0).tolist()
         if not small > 0.0:
-            return "the loop has no width there"
+            return "the loop has no width at small torque"
         worst = max(worst, large / small - 1.0)
     return Reading(100.0 * worst)
 
@@ -210,7 +210,7 @@ def angle_waves(evidence: Evidence) -> Reading | str:
         loading = [one for one in blocks if one is not None]
         if len(loading) < len(blocks):
             return (
-                "not measured: a loading branch is in steps, friction is most of its torque, or it has less than "
+                "not measured: a loading branch rises in steps, has mostly friction torque, or has less than "
                 f"{WAVE_BLOCKS * LEAST_PER_BLOCK} samples up to {100 * WAVE_AT[1]:g} % of its torque"
             )
         way = float(np.ptp(loading[0][1]))

@@ -58,12 +58,10 @@ def _noise(
     declared = {name: nm for name, nm in evidence.torque_noise_nm.items() if nm > 0.0}
     there = [name for name in declared if getattr(found.trace, name) is not None]
     if not there:
-        return "no noise of a torque sensor is specified"
+        return "needs the noise of a torque sensor in the bench file"
     time = found.trace.t_s
     if time is None or float(np.median(np.diff(time))) > SLOWEST_S:
-        return (
-            f"not measured: with less than {1.0 / SLOWEST_S:g} samples per second, noise and signal cannot be separated"
-        )
+        return f"not measured: needs {1.0 / SLOWEST_S:g} samples per second or more to separate noise from the signal"
     variances = {name: _variances(found, name, calibration=calibration) for name in there}
     if not all(variances.values()):
         return f"not measured: no branch has {BLOCK} samples"

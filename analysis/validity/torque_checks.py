@@ -23,6 +23,7 @@ from analysis.loop.measured import Measured
 from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
+from analysis.uncertainty.scatter import alike
 from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
     SIDES,
@@ -112,7 +113,7 @@ def torque_agreement(found: Measured) -> Reading | str:
         ratios.append(torque_out[loading] / (method.ratio * torque_in[loading]))
     under_load = np.concatenate(ratios)
     if not under_load.size:
-        return "the peak torque is below half the reference torque"
+        return "needs a peak torque of at least half the reference torque"
     ratio = float(np.median(under_load))
     return Reading(100.0 * abs(ratio - 1.0), f"T_out / (ratio · T_in) is {ratio:.3g} under load")
 
@@ -131,7 +132,7 @@ def efficiency_high(found: Measured) -> Reading | str:
 
 def _efficiency(found: Measured, side: Callable[[list[float]], float]) -> Reading | str:
     if found.method.loading == "output":
-        return "the input is locked: the efficiency cannot be measured"
+        return "needs a locked output; this run locks the input"
     lines = lines_of(found)
     if isinstance(lines, str):
         return lines
@@ -239,7 +240,8 @@ def torque_bend(evidence: Evidence) -> Reading | str:
     """Change of the slope of T_out over T_in from the lower to the upper half of loading, %: a channel that is bent.
 
     Beyond the gains that are declared and the scatter of the points; friction grows with the load evenly. A bent
-    torque makes the stiffness at one torque too large and that at another too small, and its ratio agrees.
+    torque makes the stiffness at one torque too large and that at another too small, and its ratio agrees. Friction
+    waves with the turn of the shaft, in every cycle alike: points in order of torque, of all cycles, show how far.
     """
     found = evidence.measured
     if found is None:
@@ -259,9 +261,12 @@ def torque_bend(evidence: Evidence) -> Reading | str:
         span = float(np.ptp(torque_in))
         if not (span > 0.0 and np.ptp(torque_out) > 0.0):
             return f"not measured: a torque does not change while loading ({name})"
-        x = (torque_in - torque_in.mean()) / span
-        (bend, slope, _), covariance = np.polyfit(x, torque_out, 2, cov=True)
-        change, u = abs(float(bend / slope)), math.sqrt(float(covariance[0, 0])) / abs(float(slope))
+        order = np.argsort(torque_in)
+        x, y = (torque_in[order] - torque_in.mean()) / span, torque_out[order]
+        coefficients, covariance = np.polyfit(x, y, 2, cov=True)
+        bend, slope = (float(one) for one in coefficients[:2])
+        variance = alike(y - np.polyval(coefficients, x)) * float(covariance[0, 0])
+        change, u = abs(bend / slope), math.sqrt(variance) / abs(slope)
         beyond = change - gain - 2.0 * u
         # A hysteresis h · (1 − (T/peak)²) bends the line by h · (span/peak)² in the square of its middle.
         hysteresis_nm = peak_nm**2 / float(np.ptp(torque_out)) / 100.0

@@ -76,7 +76,7 @@ def lag_at_turns(found: Measured) -> TurnLag | str:
     if torque is None:
         torque, scale = trace.torque_in_nm, _to_output(found)
     if torque is None:
-        return "not measured: there is no torque in the trace"
+        return "not measured: needs a torque in the trace"
     windup = measured_windup(trace, found.method).arcmin
     told = []
     for arriving, leaving in pairwise(found.runs):

@@ -64,7 +64,9 @@ class CanFieldFile:
 
     def __post_init__(self) -> None:
         if self.scale == 0:
-            raise ValueError(f"{self.name}: the scale is 0; allowed is any other number, negative to turn the sign")
+            raise ValueError(
+                f"{self.name}: the scale is 0; allowed is any other number; a negative one reverses the sign"
+            )
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,9 @@ class CanFrameFile:
         for field in self.fields:
             if field.offset + SIZES[field.type] > self.bytes:
                 where = f"the {self.bytes} bytes of the frame"
-                raise ValueError(f"{field.name} at byte {field.offset} lies outside {where}")
+                raise ValueError(
+                    f"{field.name} at byte {field.offset} lies outside {where}. Correct offset, type or bytes"
+                )
 
 
 @dataclass(frozen=True)
@@ -108,4 +112,4 @@ class CanProfile:
     def __post_init__(self) -> None:
         names = [field.name for frame in self.frames for field in frame.fields]
         if len(set(names)) != len(names):
-            raise ValueError(f"a field name is used twice: {', '.join(names)}")
+            raise ValueError(f"a field name is used twice: {', '.join(names)}. Give each field its own name")

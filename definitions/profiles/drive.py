@@ -68,7 +68,7 @@ class DriveScaling:
 
 @dataclass(frozen=True)
 class DriveProtections:
-    """In which way the drive has each protection of `definitions.protections`; `none` for one that it lacks.
+    """In which way the drive has each protection (docs/safety.md); `none` for one that it lacks.
 
     Every result says what is lacking. The time-out of set-points is that of the receive PDO that carries the torque.
     """
@@ -109,7 +109,9 @@ class MappedObject:
 
     def __post_init__(self) -> None:
         if self.value and self.name != IGNORED:
-            raise ValueError(f"{self.name}: only an object called {IGNORED!r} has a fixed value")
+            raise ValueError(
+                f"{self.name}: found a fixed value; only an object with the name {IGNORED!r} may have one. Delete it"
+            )
         check_range(self.value, self.type, f"{self.index:#06x}:{self.subindex}")
 
     @property
@@ -133,7 +135,7 @@ class _Pdo:
             raise ValueError(f"PDO {self.number} has no predefined COB-ID; give it a cob_id that no other device uses")
         size = sum(SIZES[mapped.type] for mapped in self.objects)
         if size > PDO_BYTES:
-            raise ValueError(f"PDO {self.number} maps {size} bytes; a frame holds {PDO_BYTES}")
+            raise ValueError(f"PDO {self.number} maps {size} bytes; a frame holds {PDO_BYTES}. Map fewer objects")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,7 +188,7 @@ class DriveProfile:
 def _check_pdos(key: str, pdos: tuple[_Pdo, ...], known: Mapping[str, str], *, repeated: set[str]) -> None:
     numbers = [pdo.number for pdo in pdos]
     if len(set(numbers)) != len(numbers):
-        raise ValueError(f"{key}: a PDO number is used twice: {numbers}")
+        raise ValueError(f"{key}: a PDO number is used twice: {numbers}. Give each PDO its own number")
     mapped = [item for pdo in pdos for item in pdo.objects if item.name != IGNORED]
     for item in mapped:
         if item.name not in known:
@@ -196,7 +198,7 @@ def _check_pdos(key: str, pdos: tuple[_Pdo, ...], known: Mapping[str, str], *, r
     names = [item.name for item in mapped]
     once = [name for name in names if name not in repeated]
     if len(set(once)) != len(once):
-        raise ValueError(f"{key}: an object is mapped twice: {', '.join(once)}")
+        raise ValueError(f"{key}: an object is mapped twice: {', '.join(once)}. Map each object once")
     missing = set(known) - OPTIONAL_OBJECTS - set(names)
     if missing:
-        raise ValueError(f"{key}: not mapped: {', '.join(sorted(missing))}")
+        raise ValueError(f"{key}: not mapped: {', '.join(sorted(missing))}. Map each of them in a PDO")

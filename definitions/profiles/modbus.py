@@ -53,9 +53,11 @@ class IdentityRegister:
     def __post_init__(self) -> None:
         key, other = ("text", "value") if self.type == "text" else ("value", "text")
         if getattr(self, key) is None or getattr(self, other) is not None:
-            raise ValueError(f"an identity of type {self.type} has the key {key}, and no {other}")
+            raise ValueError(f"an identity of type {self.type} needs the key {key}, without {other}")
         if self.type != "text" and self.value is not None and self.value > RANGES[self.type][1]:
-            raise ValueError(f"the identity {self.value} is beyond {self.type}: at most {RANGES[self.type][1]}")
+            raise ValueError(
+                f"found the identity {self.value}; allowed for {self.type}: at most {RANGES[self.type][1]}"
+            )
 
     @property
     def count(self) -> int:
@@ -85,13 +87,18 @@ class ReadField:
     def __post_init__(self) -> None:
         as_it_is = self.scale is None and self.zero is None
         if self.bit is not None and not (self.type == "u16" and as_it_is):
-            raise ValueError(f"{self.name}: a bit is taken from a u16 without scale and zero")
+            raise ValueError(
+                f"{self.name}: found 'bit' with scale, zero or another type; a bit needs type u16 without scale and "
+                "zero"
+            )
         if self.type == BIT and not as_it_is:
-            raise ValueError(f"{self.name}: a coil or discrete input has neither scale nor zero")
+            raise ValueError(f"{self.name}: a coil or discrete input has no scale and no zero. Delete them")
         if self.scale == 0:
-            raise ValueError(f"{self.name}: the scale is 0; allowed is any other number, negative to turn the sign")
+            raise ValueError(
+                f"{self.name}: the scale is 0; allowed is any other number; a negative one reverses the sign"
+            )
         if self.name in COUNTED and not as_it_is:
-            raise ValueError(f"{self.name}: a counter has neither scale nor zero")
+            raise ValueError(f"{self.name}: a counter has no scale and no zero. Delete them")
 
 
 @dataclass(frozen=True)
@@ -115,12 +122,20 @@ class ReadBlock:
 
     def __post_init__(self) -> None:
         if self.count > MOST_READ[self.table]:
-            raise ValueError(f"{self.count} read from table {self.table}; one request reads {MOST_READ[self.table]}")
+            raise ValueError(
+                f"found count {self.count} for table {self.table}; one request reads at most {MOST_READ[self.table]}"
+            )
         for field in self.fields:
             _check_table(field.name, field.type, self.table)
+            twin = next((one for one in self.fields if one is not field and _same_bit(one, field)), None)
+            if twin is not None:
+                raise ValueError(f"{field.name} and {twin.name} are the same bit; each contact has an input of its own")
             if field.offset + _places(field.type) > self.count:
                 what = "bits" if self.table in COIL_TABLES else "registers"
-                raise ValueError(f"{field.name} at offset {field.offset} lies outside the {self.count} {what} read")
+                raise ValueError(
+                    f"{field.name} at offset {field.offset} lies outside the {self.count} {what} read. Correct offset "
+                    "or count"
+                )
 
 
 @dataclass(frozen=True)
@@ -142,12 +157,19 @@ class WriteBlock:
         for field in self.fields:
             _check_table(field.name, field.type, self.table)
             if field.offset != offset:
-                raise ValueError(f"{field.name} stands at offset {field.offset}; without gaps it is {offset}")
+                raise ValueError(
+                    f"{field.name}: found offset {field.offset}; expected {offset}, because written fields have no gaps"
+                )
             offset += _places(field.type)
         if offset > MOST_WRITTEN[self.table]:
-            raise ValueError(f"{offset} written at once; Modbus allows {MOST_WRITTEN[self.table]}")
+            raise ValueError(
+                f"found {offset} registers or coils to write; one Modbus request writes at most "
+                f"{MOST_WRITTEN[self.table]}"
+            )
         if self.single and offset > 1:
-            raise ValueError(f"single: true, though {offset} registers or coils are written; only one can be")
+            raise ValueError(
+                f"found 'single: true' with {offset} registers or coils; it writes exactly one. Delete 'single'"
+            )
 
 
 @dataclass(frozen=True)
@@ -170,9 +192,15 @@ class ModbusProfile:
         _check_names([field.name for block in (self.read, *self.read_also) for field in block.fields])
 
 
+def _same_bit(one: ReadField, other: ReadField) -> bool:
+    """Tell whether two fields are one and the same bit of a register, or the same coil or discrete input."""
+    is_bit = one.bit is not None or one.type == BIT
+    return is_bit and (one.offset, one.bit, one.type) == (other.offset, other.bit, other.type)
+
+
 def _check_names(names: list[str]) -> None:
     if len(set(names)) != len(names):
-        raise ValueError(f"a field name is used twice: {', '.join(names)}")
+        raise ValueError(f"a field name is used twice: {', '.join(names)}. Give each field its own name")
 
 
 def _check_table(name: str, type_name: FieldType, table: str) -> None:

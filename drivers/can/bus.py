@@ -32,7 +32,7 @@ _STREAM_INTERFACES = frozenset({"socketcand", "slcan"})
 """A send that failed half-way leaves these without frame boundaries: nothing more can be sent."""
 
 _NEXT_STEPS = {
-    "socketcand": "check that the socketcand server (or the virtual bench) runs and that host, port and channel fit",
+    "socketcand": "check that the socketcand server or virtual bench runs at host, port and channel of the bench file",
     "socketcan": "check `ip -details link show`: the interface must exist, be up and have the bus's bit rate",
     "slcan": "check the adapter's plug, its port name, and your permission to open the port",
     "virtual": "use a python-can release with the virtual interface",

@@ -17,7 +17,7 @@ from drivers.servo_drive.cia402 import decode_state
 from drivers.servo_drive.pdo import HEARTBEAT_BASE, PdoCodec, tpdo_cob_id
 
 _WHAT = "another controller is active on this bus"
-_NEXT = "end the other program or disconnect the other controller; if it has just died, wait for the drive to stop"
+_NEXT = "end the other program or disconnect the other controller. If it has just ended, wait for the drive to stop"
 
 
 def refuse_other_controller(link: CanLink, config: DriveConfig) -> None:

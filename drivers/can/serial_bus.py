@@ -59,11 +59,11 @@ class ScanSlcanBus(slcanBus):
             while sent < len(data):
                 if not select.select([], [descriptor], [], most_s)[1]:
                     raise CanOperationError(
-                        "the adapter does not accept frames. Check its bus connection and its status LED"
+                        "the CAN adapter does not accept frames. Check its bus connection and its status LED"
                     )
                 sent += _write_some(descriptor, data[sent:])
         except OSError as error:
-            raise CanOperationError(f"the adapter is gone: {error}") from error
+            raise CanOperationError(f"the CAN adapter is gone: {error}. Check its USB plug") from error
 
     def _read(self, timeout: float | None) -> str | None:
         deadline = None if timeout is None else time.monotonic() + timeout
@@ -89,11 +89,11 @@ class ScanSlcanBus(slcanBus):
         except BlockingIOError:
             return
         except OSError as error:
-            raise CanOperationError(f"the adapter is gone: {error}") from error
+            raise CanOperationError(f"the CAN adapter is gone: {error}. Check its USB plug") from error
         if not arrived:
             # A port reads empty both when nothing is there and when it was pulled out.
             if hung_up(descriptor):
-                raise CanOperationError("the adapter is gone: its serial port was hung up")
+                raise CanOperationError("the CAN adapter is gone: its serial port was closed. Check its USB plug")
             return
         start = 0
         text = self._part + arrived
@@ -103,7 +103,9 @@ class ScanSlcanBus(slcanBus):
                 start = at + 1
         self._part = text[start:]
         if len(self._part) > LONGEST_LINE:
-            raise CanOperationError(f"no slcan adapter answers: the answer {self._part[:16]!r}… does not end")
+            raise CanOperationError(
+                f"this is no slcan adapter: its answer {self._part[:16]!r}… has no end. Check the port"
+            )
 
     def shutdown(self) -> None:
         """Close the channel and the port, also of an adapter that is gone."""

@@ -60,7 +60,7 @@ class SocketcandBus(can.BusABC):
             if not size:
                 if frames:
                     break  # these first: the end is found again
-                raise PeerClosedError("the peer closed the connection")
+                raise PeerClosedError("the socketcand server closed the connection")
             *texts, self._rest = (self._rest + self._received[:size]).split(b">")
             frames += map(_decode, texts)
             if self._rest:
@@ -135,7 +135,9 @@ def _take_answer(client: socket.socket, received: bytes, expected: bytes) -> byt
     answer, end, rest = received.partition(b">")
     if answer + end != expected:
         found = (answer + end).decode("ascii", "replace")
-        raise can.CanInitializationError(f"expected {expected.decode()!r}, found {found!r}")
+        raise can.CanInitializationError(
+            f"this is no socketcand server: expected {expected.decode()!r}, found {found!r}. Check host and port"
+        )
     return rest
 
 
@@ -154,11 +156,11 @@ def _decode(text: bytes) -> Frame:
         return (int(words[2], 16), data) if len(words[2]) == 3 else (FOREIGN, data)
     if words[0] == b"<" and words[1] in _NO_FRAMES:
         return FOREIGN, b""
-    raise ValueError(f"{text[:40]!r} is no frame of socketcand")
+    raise ValueError(f"{text[:40]!r} is not a frame of socketcand")
 
 
 def _check_begun(rest: bytes) -> None:
     """Refuse what is no beginning of a message."""
     begun = rest.lstrip()
     if (begun and not begun.startswith(b"<")) or len(rest) > LONGEST_TEXT:
-        raise ValueError(f"{rest[:40]!r} is no frame of socketcand")
+        raise ValueError(f"{rest[:40]!r} is not a frame of socketcand")

@@ -16,8 +16,12 @@ from definitions.number_formats import RANGES, IntegerType
 from definitions.profiles.drive import DriveProfile, StartupObject
 from definitions.protections import BY_NAME, DRIVE_PROTECTIONS, NONE
 from definitions.protections import Protection as DefinedProtection
-from drivers.config import DriveConfig
+from drivers.config import DriveBrakeConfig, DriveConfig
+from drivers.errors import Problem
 from drivers.servo_drive.pdo import SYNC_COB_ID
+
+OUTPUTS, INPUTS = "digital_outputs", "digital_inputs"
+"""Objects of a brake at an output of the drive, by their names in a profile."""
 
 ALL_BITS = 0xFFFF_FFFF
 SYNC_BITS = ALL_BITS & ~(1 << 31)
@@ -332,3 +336,17 @@ def _interpolation_power(period_ns: int) -> int:
 def number_text(row: SetupRow, value: int) -> str:
     """Write ids and bit fields in hexadecimal, quantities in decimal."""
     return f"0x{value:08X}" if row.type == "u32" and (row.index < 0x2000 or row.index == 0x6502) else str(value)
+
+
+def output_brake_problems(brake: DriveBrakeConfig, profile: DriveProfile) -> list[Problem]:
+    """Return what a drive's profile lacks for a brake at its output."""
+    mapped = {item.name for pdo in profile.receive_pdos for item in pdo.objects}
+    mapped |= {item.name for pdo in profile.transmit_pdos for item in pdo.objects}
+    needed = ((OUTPUTS, "60FE:01", True), (INPUTS, "60FD:00", brake.input_bit is not None))
+    hint = "map it in a PDO of the profile, or connect the brake to the remote I/O"
+    where = f"drive profile {profile.profile.name}"
+    return [
+        Problem(f"does not map {name}", where, ", ".join(sorted(mapped)), f"{name} ({object_})", hint)
+        for name, object_, wanted in needed
+        if wanted and name not in mapped
+    ]

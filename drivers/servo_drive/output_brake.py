@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from definitions.image import AGE_NEVER
-from definitions.profiles.drive import DriveProfile
 from drivers.can.bus import CanLink
 from drivers.config import DriveBrakeConfig, DriveConfig
 from drivers.errors import DriveSetupError, Problem
 from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.objects import INPUTS
 from drivers.servo_drive.sdo import SdoFailure, SdoNode
-
-OUTPUTS, INPUTS = "digital_outputs", "digital_inputs"
 
 
 class OutputBrake:
@@ -84,17 +82,3 @@ def read_outputs(link: CanLink, config: DriveConfig) -> int:
         where = f"node {config.node_id} 60FE:01"
         problem = Problem("outputs cannot be read", where, failure.cause, "their state", failure.next_action)
         raise DriveSetupError(problem) from failure
-
-
-def output_brake_problems(brake: DriveBrakeConfig, profile: DriveProfile) -> list[Problem]:
-    """Return what a drive's profile lacks for a brake at its output."""
-    mapped = {item.name for pdo in profile.receive_pdos for item in pdo.objects}
-    mapped |= {item.name for pdo in profile.transmit_pdos for item in pdo.objects}
-    needed = ((OUTPUTS, "60FE:01", True), (INPUTS, "60FD:00", brake.input_bit is not None))
-    hint = "map it in a PDO of the profile, or connect the brake to the remote I/O"
-    where = f"drive profile {profile.profile.name}"
-    return [
-        Problem(f"does not map {name}", where, ", ".join(sorted(mapped)), f"{name} ({object_})", hint)
-        for name, object_, wanted in needed
-        if wanted and name not in mapped
-    ]

@@ -19,6 +19,7 @@ from faultlab.exits.elsewhere import (
     homing_failed,
     measure_fault,
 )
+from faultlab.exits.jogging import enabling_device_stuck, jog_not_stopped
 from faultlab.exits.judge import Measured, judge_exit
 from faultlab.exits.rows import EXITS, LOAD_NM, Exit
 from faultlab.exits.shown import Shown
@@ -157,6 +158,8 @@ PROVOKE: dict[str, Callable[[Exit], Measured | None]] = {
     "homing_failed": homing_failed,
     "calibration_failed": calibration_failed,
     "brake_stays_closed": brake_stays_closed,
+    "enabling_device_stuck": enabling_device_stuck,
+    "jog_not_stopped": jog_not_stopped,
 }
 
 

@@ -44,7 +44,8 @@ class Cell:
 
 
 @cache
-def _job() -> Job:
+def job() -> Job:
+    """Return the matrix's recipe on the shipped bench."""
     return load_job(RECIPE, None)
 
 
@@ -59,9 +60,9 @@ def scenario_of(row: Row | None, state: str) -> Scenario:
 
 def bench_of(scenario: Scenario | None) -> Bench:
     """Return a bench before its first scan, with the matrix's recipe and unit."""
-    job = _job()
-    unit = choose_unit(None, job.recipe, FIXED_SEED)
-    return Bench(job, virtual_config(job.bench, job.profile_paths, unit), scenario)
+    work = job()
+    unit = choose_unit(None, work.recipe, FIXED_SEED)
+    return Bench(work.program, virtual_config(work.bench, work.profile_paths, unit), scenario)
 
 
 @cache
@@ -81,9 +82,9 @@ def undisturbed() -> dict[str, Bench]:
 
 def measure(number: int, state: str) -> Cell:
     """Run one cell, from the undisturbed run's state on."""
-    job, row = _job(), ROWS[number]
+    row = ROWS[number]
     run = undisturbed()[state].branch(scenario_of(row, state)).finish()
-    return assess(run, number, row, state, job.recipe.unit_under_test.rated_torque_nm)
+    return assess(run, number, row, state, job().recipe.unit_under_test.rated_torque_nm)
 
 
 def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float, *, wire_scans: int = 0) -> Cell:

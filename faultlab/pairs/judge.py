@@ -65,7 +65,7 @@ def _unit() -> VirtualUnit:
 def run_of(scenario: Scenario) -> FaultRun:
     """Run a scenario with the recipe, the unit and the noise of all pairs."""
     job = _job()
-    return Bench(job, virtual_config(job.bench, job.profile_paths, _unit()), scenario).finish()
+    return Bench(job.program, virtual_config(job.bench, job.profile_paths, _unit()), scenario).finish()
 
 
 def result_of(run: FaultRun, scenario: Scenario) -> Result:

@@ -113,7 +113,12 @@ class Drive(Section):
     def _consistent(self) -> Drive:
         if self.node_id == self.controller_node_id:
             hint = "Give the controller a number that no device on the bus has, such as 126."
-            raise refusal(f"{self.node_id} for both", "two different node numbers", hint, at="controller_node_id")
+            raise refusal(
+                f"{self.node_id} for the drive and the controller",
+                "two different node numbers",
+                hint,
+                at="controller_node_id",
+            )
         if self.controller_heartbeat_timeout_s < 2 * self.controller_heartbeat_s:
             found = show(self.controller_heartbeat_timeout_s, PERIOD)
             allowed = f"at least twice controller_heartbeat, {show(2 * self.controller_heartbeat_s, PERIOD)}"
@@ -362,7 +367,7 @@ class Bench(Section):
             ("max_torque", self.jog.max_torque_nm, self.max_loading_torque_nm, TORQUE),
         ):
             if value is not None and value > largest * JOG_SHARE:
-                allowed = f"at most {show(largest * JOG_SHARE, kind)}, a quarter of what the servo has"
+                allowed = f"at most {show(largest * JOG_SHARE, kind)}, a quarter of the servo's limit"
                 hint = "People are near the shaft: a jog is slow and weak."
                 raise refusal(show(value, kind), allowed, hint, at=f"jog.{option}")
         return self
@@ -382,7 +387,8 @@ class Bench(Section):
         for name in CHANNELS:
             if (name in sources) != (getattr(self.sensors, name) is not None):
                 found = f"{name} in {'channels' if name in sources else 'sensors'} alone"
-                raise refusal(found, "each measured channel in sensors and in channels", at=f"channels.{name}")
+                hint = "Add it to the other section, or delete it."
+                raise refusal(found, "each measured channel in sensors and in channels", hint, at=f"channels.{name}")
         for name, source in sources.items():
             if source.device not in names:
                 allowed = one_of(names)

@@ -141,9 +141,7 @@ class Fixture(Section):
             allowed = (
                 f"a curve of {show(stated / ALIKE, STIFFNESS)} to {show(stated * ALIKE, STIFFNESS)} from end to end"
             )
-            hint = (
-                "One of the two belongs to another fixture: enter 'lostmotion blank' and the stiffness that it shows."
-            )
+            hint = "Curve and stiffness are of different fixtures: enter both from one 'lostmotion blank'."
             raise refusal(found, allowed, hint, at="curve")
         return self
 
@@ -242,4 +240,4 @@ def _stated(entry: Calibration, units: Sequence[CalibratedUnit]) -> Iterator[Sta
 
 def _due_after_made(made: date, due: date) -> None:
     if due <= made:
-        raise refusal(str(due), f"a day after {made}, when it was made", "Correct one of them.", at="due")
+        raise refusal(str(due), f"a day after {made}, when it was made", "Correct one of the two dates.", at="due")

@@ -95,7 +95,7 @@ class MetricWanted(Section):
                 if row.calibration
                 else "the grade is a whole number: limit the backlash instead"
             )
-            raise refusal(f"a {option} for {self.id}", f"none: {why}", "Delete it.", at=option)
+            raise refusal(f"a {option} for {self.id}", f"none: {why}", "Delete this option.", at=option)
         if limit is not None and not limit > 0.0:
             raise refusal(f"{limit:g} {row.unit}", "a standard deviation above 0", "Correct or delete it.", at=option)
         return self

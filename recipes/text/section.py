@@ -135,7 +135,7 @@ class Quantity:
             self._check_range(number, value)
         loaded = number * self.scale
         if self.whole and abs(loaded - round(loaded)) > 1e-6 * abs(loaded):
-            raise refusal(excerpt(value), self.allowed(), "Write a whole number of it.")
+            raise refusal(excerpt(value), self.allowed(), "Write a whole number of this unit.")
         return round(loaded) if self.whole else loaded
 
     def _check_range(self, number: float, text: str) -> None:

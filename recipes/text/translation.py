@@ -37,7 +37,7 @@ ALLOWED: dict[str, tuple[str, str]] = {
 }
 
 PATTERNS = {
-    r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$": "a short name of letters, digits and . _ + - without spaces",
+    r"^[A-Za-z0-9][A-Za-z0-9_.+-]*$": "a short name without spaces, made of letters, digits and . _ + -",
     r"^[A-Za-z0-9_.:-]+$": "a host name or address such as 192.168.0.10",
     r"^\S+$": "a path without spaces, such as /dev/ttyUSB0",
 }

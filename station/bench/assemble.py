@@ -75,7 +75,9 @@ def _modbus_profile(content: bytes, path: str) -> ModbusProfile:
 def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
     if ports is not None:
         if ports.pace is None:
-            raise StationError("the bench that was started does not wait for the scan: its ready line names no pace")
+            raise StationError(
+                "the virtual bench that was started cannot wait for the scan: its ready line has no pace"
+            )
         return PaceConfig(ports.pace.host, ports.pace.port)
     return None if bench.pace is None else PaceConfig(bench.pace.host, bench.pace.port)
 

@@ -51,7 +51,9 @@ def alone_on(bench: str, can: CanConfig) -> Iterator[None]:
     try:
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     except OSError as error:
-        raise BenchBusyError(f"{path}: the lock file of the bench cannot be opened: {error.strerror}") from error
+        raise BenchBusyError(
+            f"{path}: cannot be opened to reserve the bench: {error.strerror}. Give this user write permission"
+        ) from error
     try:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)

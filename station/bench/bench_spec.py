@@ -51,7 +51,9 @@ class Ports:
             parts = {name: _address(part) for name, part in said.items() if isinstance(part, dict) and "port" in part}
             return cls(parts.pop("can"), parts, parts.pop("pace", None))
         except (AttributeError, KeyError, TypeError) as error:
-            raise ValueError(f"not the ready line of a bench: {line[:100]!r}") from error
+            raise ValueError(
+                f"the virtual bench did not start: expected its ready line, found {line[:100]!r}"
+            ) from error
 
 
 def _address(part: Plain) -> Address:

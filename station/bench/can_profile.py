@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from pathlib import Path
-
-import cantools
-from cantools.database.can import Database, Message, Signal
+from typing import TYPE_CHECKING
 
 from definitions.number_formats import SIZES
 from definitions.profiles.can import CAN_BYTES, LAST_IDENTIFIER, CanField, CanFrame, CanFrameFile, CanProfile
@@ -18,6 +16,9 @@ from drivers.config import CanSensorConfig
 from recipes import Problem, RecipeError, parse_document
 from recipes.schema.channel_schema import CanSensor
 from station.bench.files import File
+
+if TYPE_CHECKING:
+    from cantools.database.can import Message, Signal
 
 DBC = ".dbc"
 """Ending of a profile that is a DBC file."""
@@ -37,7 +38,9 @@ def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSens
     profile = parse_document(file.content, str(file.path), CanProfile)
     if sensor.node_id is None and (profile.identity or profile.startup):
         found = "identity" if profile.identity else "startup"
-        raise _refused(file.path, found, "'node_id' at the sensor in the bench file", "Give it, or delete the section.")
+        raise _refused(
+            file.path, found, "with 'node_id' in the bench file only", "Add 'node_id', or delete the section."
+        )
     frames = tuple(_of_file(file.path, frame, sensor.node_id) for frame in profile.frames)
     return CanSensorConfig(
         sensor.name, sensor.node_id, frames, profile.identity, profile.startup, heartbeat_s, synchronous
@@ -46,7 +49,9 @@ def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSens
 
 def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
     if frame.add_node_id and node_id is None:
-        raise _refused(path, "add_node_id", "'node_id' at the sensor in the bench file", "Give it, or the identifier.")
+        raise _refused(
+            path, "add_node_id", "with 'node_id' in the bench file only", "Add 'node_id', or delete 'add_node_id'."
+        )
     identifier = frame.identifier + (node_id or 0) * frame.add_node_id
     if identifier > LAST_IDENTIFIER:
         raise _refused(path, f"identifier 0x{identifier:X}", "up to 0x7FF", "Correct identifier or node_id.")
@@ -62,12 +67,16 @@ def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
 
 def _messages(file: File, named: Collection[str]) -> list[Message]:
     """Return the messages of a DBC file that have a named signal, in the file's order."""
+    # Loaded where a bench has such a file: most have none.
+    import cantools  # noqa: PLC0415
+    from cantools.database.can import Database  # noqa: PLC0415
+
     try:
         found = cantools.database.load_string(file.content.decode("utf-8", "replace"), "dbc")
     except Exception as error:  # a bent file ends in whatever the parser stumbles over: KeyError, ValueError, its own
         text = " ".join(str(error).split())[:200]
         raise _refused(
-            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export it again."
+            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export the file again."
         ) from error
     assert isinstance(found, Database)  # noqa: S101 - of "dbc" it makes no other
     return [one for one in found.messages if any(_name(one, signal) in named for signal in one.signals)]
@@ -82,13 +91,15 @@ def _of_message(path: Path, message: Message, named: Collection[str]) -> CanFram
         found = (
             f"{message.name} with {'29 bits of identifier' if message.is_extended_frame else f'{message.length} bytes'}"
         )
-        raise _refused(path, found, "classical frames of 11 bits", "Let the device send such a frame.")
+        raise _refused(path, found, "an 11-bit identifier and up to 8 bytes", "Set the device to send such frames.")
     fields = []
     for signal in message.signals:
         name = _name(message, signal)
         multiplexed = signal.is_multiplexer or signal.multiplexer_ids
         if name in named and multiplexed:
-            raise _refused(path, f"{name}, a multiplexed signal", "a signal that is in every frame", "Name another.")
+            raise _refused(
+                path, f"{name}, a multiplexed signal", "a signal that is in every frame", "Name another signal."
+            )
         if not multiplexed:
             fields.append(_of_signal(name, signal, message.length))
     return CanFrame(message.frame_id, message.length, tuple(fields))

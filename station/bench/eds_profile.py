@@ -69,9 +69,9 @@ NOT_NEEDED = re.compile(r"^\[(?:dummyusage|comments)\][^\[]*", re.IGNORECASE | r
 """Sections that many files have incomplete, and that say nothing of the drive."""
 
 LOST_WITHOUT = {
-    0x1018: "The drive cannot be told from another one",
-    0x6076: "The unit of its torque is not known",
-    0x6502: "Whether it has the cyclic modes is not known",
+    0x1018: "Another drive would not be recognized",
+    0x6076: "The unit of the drive's torque is not known",
+    0x6502: "It is not known whether the drive has the cyclic modes",
 }
 """Objects without which the set-up refuses a drive, and why."""
 
@@ -109,9 +109,9 @@ def read_eds(path: Path) -> objectdictionary.ObjectDictionary:
     except OSError as error:
         raise _unreadable(path, error.strerror or str(error)) from error
     except (ConfigError, ValueError, KeyError, AttributeError, TypeError) as error:
-        raise _unreadable(path, f"no EDS: {error}") from error
+        raise _unreadable(path, f"this is not an EDS file: {error}") from error
     if not len(found):
-        raise _unreadable(path, "no object in it")
+        raise _unreadable(path, "the file lists no objects")
     return found
 
 

@@ -35,7 +35,7 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
 
     def device(name: str, there: ModbusDevice) -> ModbusTarget:
         if there.transport != "tcp":
-            raise StationError(f"gateway: {name} is on Modbus {there.transport}; allowed is tcp")
+            raise StationError(f"gateway: {name} is on Modbus {there.transport}; a gateway needs Modbus TCP")
         registers = modbus_profile(FileAt(profiles[there.profile]))
         return ModbusTarget(there.host, there.port, there.unit_id, registers)
 
@@ -60,7 +60,7 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
 
 def _scenario(spec: BenchSpec) -> Path:
     if spec.scenario is None:
-        raise StationError("the spec of a gateway names no scenario")
+        raise StationError("gateway: its specification names no scenario")
     return Path(spec.scenario)
 
 

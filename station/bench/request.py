@@ -16,8 +16,7 @@ from definitions.protections import NOT_TRIED, UNPROVEN, missing_text
 from drivers.can.identifiers import identifier_problems
 from drivers.errors import Problem as DriverProblem
 from drivers.modbus.part_fields import PART_FIELDS, part_problems
-from drivers.servo_drive.objects import missing_protections
-from drivers.servo_drive.output_brake import output_brake_problems
+from drivers.servo_drive.objects import missing_protections, output_brake_problems
 from recipes import (
     Bench,
     Problem,

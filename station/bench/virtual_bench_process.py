@@ -44,7 +44,7 @@ def serve(spec: BenchSpec) -> None:
 
 def _config(spec: BenchSpec, bench: Bench) -> ServerConfig:
     if spec.unit is None:
-        raise VirtualBenchError("the spec of a virtual bench names no unit")
+        raise VirtualBenchError("virtual bench: its specification names no unit")
     return server_config(
         bench,
         {name: Path(path) for name, path in spec.profiles.items()},

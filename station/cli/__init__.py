@@ -75,6 +75,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "resume": cli_measure.resume,
         "conclude": cli_measure.conclude,
         "recover": cli_measure.recover,
+        "jog": cli_measure.jog,
     },
     "Look at runs": {
         "list": cli_runs.list_runs,

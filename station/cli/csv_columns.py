@@ -37,11 +37,11 @@ class CsvColumns:
         """Return a column as text; TableError when it is not there or a cell is empty."""
         if name not in self.columns:
             found = f"columns {', '.join(self.columns)}"
-            raise TableError(self.file, found, f"a column {name}", "add it, or name another", column=name)
+            raise TableError(self.file, found, f"a column {name}", "add the column, or name another one", column=name)
         cells = [str(cell).strip() for cell in self.table.column(name).to_pylist()]
         for row, cell in enumerate(cells, start=1):
             if not cell:
-                raise self._fault(row, name, "an empty cell", "a value", "fill it, or remove the row")
+                raise self._fault(row, name, "an empty cell", "a value", "fill the cell, or remove the row")
         return cells
 
     def numbers(self, name: str) -> list[float]:
@@ -53,7 +53,9 @@ class CsvColumns:
         if bad.any():
             row = int(np.argmax(bad)) + 1
             found = repr(str(self.table.column(name)[row - 1].as_py())[:40])
-            raise self._fault(row, name, found, f"a finite number within ±{LARGEST:g}", "repair it, or remove the row")
+            raise self._fault(
+                row, name, found, f"a finite number within ±{LARGEST:g}", "correct the value, or remove the row"
+            )
         return [float(value) for value in values]
 
     def numeric(self) -> list[str]:
@@ -76,13 +78,16 @@ def read_csv_columns(file: Path) -> CsvColumns:
             table = read_csv_table(file, content=stream.read())
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise TableError(file, reason, "a CSV file with a header row", "name another: it cannot be read") from error
+        raise TableError(file, reason, "a CSV file with a header row", "name another file") from error
     rows = table.cells.num_rows
     if not 0 < rows <= MOST_ROWS:
-        raise TableError(file, f"{rows} rows below the header", f"1 to {MOST_ROWS}", "add them, or name another file")
+        raise TableError(file, f"{rows} rows below the header", f"1 to {MOST_ROWS}", "add rows, or name another file")
     twice = [name for name in table.names if not name or table.names.count(name) > 1]
     if twice:
         raise TableError(
-            file, f"'{twice[0]}' more than once, or a column without name", "a name each", "name each column"
+            file,
+            f"'{twice[0]}' more than once, or a column without name",
+            "a different name for each column",
+            "rename the columns",
         )
     return CsvColumns(file, table)

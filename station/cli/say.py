@@ -6,7 +6,7 @@ import json
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from rich.console import Console
@@ -19,11 +19,15 @@ from station.reports.result_view import result_console
 
 @dataclass(frozen=True)
 class Grid:
-    """A table for a person: heads and rows of text; columns whose number is in `right` stand to the right."""
+    """A table for a person: heads and rows of text; columns whose number is in `right` stand to the right.
+
+    Where it is too wide, the last column wraps and others are cut; `folded`: none is cut.
+    """
 
     heads: Sequence[str]
     rows: Iterable[Sequence[str]]
     right: Sequence[int] = ()
+    folded: bool = False
 
 
 def say(document: object, blocks: Sequence[str | Grid], *, as_json: bool) -> int:
@@ -47,7 +51,8 @@ def _print_grid(console: Console, grid: Grid) -> None:
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     for number, head in enumerate(grid.heads):
         last = number == len(grid.heads) - 1
-        table.add_column(Text(head), justify="right" if number in grid.right else "left", no_wrap=not last)
+        justify: Literal["left", "right"] = "right" if number in grid.right else "left"
+        table.add_column(Text(head), justify=justify, no_wrap=not (last or grid.folded), overflow="fold")
     for row in grid.rows:
         table.add_row(*(Text(cell) for cell in row))
     console.print(table)

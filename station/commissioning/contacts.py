@@ -1,4 +1,4 @@
-"""Step `io`: which input changes when somebody presses the emergency stop and opens the guard.
+"""Step `io`: which input changes when somebody presses the emergency stop, opens the guard and the like.
 
 Every bit of the block is watched, not those alone that the profile names: so a contact that is wired to another input,
 or that is read the wrong way round, is found and told by its place.
@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from definitions.profiles.modbus import COIL_TABLES, ModbusProfile, ReadField
 from drivers.modbus.device import COUNTERS
+from recipes.compiler.jog import ENABLING_DEVICE
 from station.commissioning.on_wires import ByHand, OnWires, pause
 from station.commissioning.registers import places_of, words_in
 from station.documents.commissioning import Figure, Finding
@@ -24,11 +25,15 @@ BITS = 16
 
 
 class Task(NamedTuple):
-    """What a person is asked to do, and what the contact's field is to read after it."""
+    """What a person is asked to do, and what the contact's field is to read after it.
+
+    if_there: only where the profile has the field.
+    """
 
     ask: str
     field: str
     after: int
+    if_there: bool = False
 
 
 TASKS = (
@@ -36,8 +41,11 @@ TASKS = (
     Task("Release the emergency stop", "estop_released", 1),
     Task("Open the guard", "guard_closed", 0),
     Task("Close the guard", "guard_closed", 1),
+    Task("Press the enabling device to its middle position, and hold it", ENABLING_DEVICE, 1, if_there=True),
+    Task("Let the enabling device go", ENABLING_DEVICE, 0, if_there=True),
 )
 AT_REST = "Release the emergency stop and close the guard"
+CLOSED_AT_REST = ("estop_released", "guard_closed")
 
 Bit = tuple[int, int]
 """Register (offset in the block) and bit in it, 0 = least significant."""
@@ -72,19 +80,22 @@ def guide(bench: OnWires, seconds: float, say: Callable[[str], None]) -> Guided:
     findings: list[Finding] = []
     with by_hand.opened("remote_io"):
         if not _rests(by_hand, profile, seconds, say):
-            what = f"{AT_REST}: estop_released and guard_closed do not both read 1."
-            cure = f"If they are, correct offset and bit of both in profile {profile.profile.name}."
+            what = f"{AT_REST}: {read_of(profile, by_hand.block('remote_io'))}; each has to read 1."
+            cure = f"If they are, correct offset and bit of what reads 0 in profile {profile.profile.name}."
             return Guided([], (Finding(what=what, cure=cure),), ())
         watch = _Watch(by_hand, profile)
+        names = {field.name for field in profile.read.fields}
         for task in TASKS:
+            if task.if_there and task.field not in names:
+                continue
             say(f"{task.ask}. At most {seconds:g} s.")
             begun = time.monotonic()
             changed = watch.change(seconds)
             one = Seen(task, changed, time.monotonic() - begun)
             seen.append(one)
             findings += judged(profile, one)
-            names = ", ".join(place_of(profile, bit) for bit in changed) or "nothing"
-            say(f"  seen: {names} changed")
+            places = ", ".join(place_of(profile, bit) for bit in changed) or "nothing"
+            say(f"  seen: {places} changed")
             if findings:
                 break
     figures = tuple(
@@ -169,16 +180,27 @@ def judged(profile: ModbusProfile, seen: Seen) -> Iterator[Finding]:
     elif not mine:
         places = ", ".join(place_of(profile, bit) for bit in seen.changed)
         word, bit = next(iter(seen.changed))
-        there = f"offset: {word}" if profile.read.table in COIL_TABLES else f"offset: {word}, bit: {bit}"
+        there = _written(profile, word, bit)
         cure = (
             f"Wire this contact to {_place(profile, field.offset, field.bit)}, or write '{there}'"
-            f" for {task.field} into profile {name}. Then do this step again."
+            f" for {task.field} into profile {name}."
         )
+        other = next((one for one in profile.read.fields if _is_of(one, (word, bit))), None)
+        if other is not None:
+            cure = (
+                f"The two contacts look exchanged. Exchange their wires, or write '{there}' for {task.field} and"
+                f" '{_written(profile, field.offset, field.bit)}' for {other.name} into profile {name}."
+            )
         yield Finding(what=f"{task.ask}: {places} changed; {task.field} of the profile did not.", cure=cure)
     elif seen.changed[mine[0]] != task.after:
         what = f"{task.ask}: {task.field} became {1 - task.after}, {task.after} expected."
         cure = "Use the other contact of the switch: a wire that breaks must read as pressed, or as open."
         yield Finding(what=what, cure=cure)
+
+
+def _written(profile: ModbusProfile, word: int, bit: int | None) -> str:
+    """Return a place as it is written into a profile."""
+    return f"offset: {word}" if profile.read.table in COIL_TABLES or bit is None else f"offset: {word}, bit: {bit}"
 
 
 def _is_of(field: ReadField, bit: Bit) -> bool:
@@ -202,7 +224,18 @@ def _place(profile: ModbusProfile, word: int, bit: int | None) -> str:
 def at_rest(profile: ModbusProfile, block: bytes) -> bool:
     """Tell whether both contacts are closed, by the profile."""
     fields = {field.name: field for field in profile.read.fields}
-    return all(_value(profile, fields[name], block) for name in ("estop_released", "guard_closed"))
+    return all(_value(profile, fields[name], block) for name in CLOSED_AT_REST)
+
+
+def read_of(profile: ModbusProfile, block: bytes) -> str:
+    """Return what both contacts of the safety chain read, and where."""
+    fields = {field.name: field for field in profile.read.fields}
+    contacts = [fields[name] for name in CLOSED_AT_REST]
+    places = [_place(profile, field.offset, field.bit) for field in contacts]
+    read = [_value(profile, field, block) for field in contacts]
+    return ", ".join(
+        f"{name} reads {value} ({place})" for name, value, place in zip(CLOSED_AT_REST, read, places, strict=True)
+    )
 
 
 def _value(profile: ModbusProfile, field: ReadField, block: bytes) -> int:

@@ -4,8 +4,11 @@ A small run on the locked unit: the lock is verified at 1 % of rated torque, and
 Where a sign is wrong, the run ends in an interlock or with an unverified lock, and its records tell which sign it was.
 Each channel is compared with the one that drives it, by a straight line through all samples under torque:
 
-    drive position on drive torque      loaded angle on drive position      loaded torque on drive torque
+    drive position on other torque      loaded angle on drive position      loaded torque on drive torque
     other torque on loaded torque       locked angle on output torque
+
+The drive's position goes with the torque that arrives at the locked shaft: of its own torque, friction holds back most
+of so little. Where that shaft has no sensor, it is compared with the drive's torque.
 
 The slope's sign is the direction. Its amount must be near 1 for the angle; a torque also shows friction, so its amount
 is judged coarsely. A channel that moves by less than its resolution or noise shows nothing, which is said.
@@ -74,7 +77,11 @@ def look(tried: Tried) -> list[Seen]:
     ordered = np.asarray(table["orders"]["drive_target_torque_nm"], dtype=float)[mask]
     loaded, locked = ("in", "out") if at_input else ("out", "in")
     drive_angle = image(DRIVE_ANGLE)
-    seen = [_seen(DRIVE_ANGLE, "drive torque", "rad", drive_angle, ordered, 0.0, float("nan"))]
+    other = getattr(sensors, f"torque_{locked}")
+    arrived, where = (
+        (ordered, "drive torque") if other is None else (image(f"torque_{locked}_nm"), f"torque_{locked}_nm")
+    )
+    seen = [_seen(DRIVE_ANGLE, where, "rad", drive_angle, arrived, 0.0, float("nan"))]
     angle = getattr(sensors, f"angle_{loaded}")
     if angle is not None:
         least = LEAST_MOVED * 2 * np.pi / 2**angle.resolution_bits
@@ -87,7 +94,6 @@ def look(tried: Tried) -> list[Seen]:
         values = image(f"torque_{loaded}_nm")
         seen.append(_seen(f"torque_{loaded}_nm", name, "N·m", values, driving, _noise(torque), 1.0))
         driving, name = values, f"torque_{loaded}_nm"
-    other = getattr(sensors, f"torque_{locked}")
     if other is not None:
         slope = job.recipe.unit_under_test.loading_torque_ratio.slope
         expected = slope if at_input else 1.0 / slope
@@ -129,13 +135,16 @@ def judged(tried: Tried, seen: Sequence[Seen], scale_of: ScaleOf) -> tuple[Findi
     findings = [*_signs(bench, recipe, seen, scale_of)]
     findings += _amounts(seen, scale_of)
     if not findings and not tried.complete:
-        findings.append(Finding(what=f"The small run ended early: {tried.why}.", cure=_next(tried)))
+        findings.append(Finding(what=f"The test run with small torque ended early: {tried.why}.", cure=_next(tried)))
     for one in seen:
         if one.sign == 0:
             least = f"{one.least:.3g} {one.unit}"
             what = f"{one.channel}: direction not shown, moved by {one.moved:.3g} {one.unit}, at least {least} needed."
             locked = one.against == "output torque"
             cure = "Check that this sensor is connected and coupled."
+            if one.moved > one.least:
+                moved = f"{one.moved:.3g} {one.unit}"
+                what = f"{one.channel}: direction not shown, it moved by {moved}, but not with {one.against}."
             if locked:
                 cure = "A locked shaft moves little. Turn it by hand, drive off, and look with 'bench probe'."
             findings.append(Finding(what=what, cure=cure, refuses=not locked and one.channel != DRIVE_ANGLE))
@@ -150,13 +159,14 @@ def _next(tried: Tried) -> str:
 def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:
     signs = {one.channel: one.sign for one in seen}
     loaded, locked = ("in", "out") if recipe.loading == "input" else ("out", "in")
-    if signs[DRIVE_ANGLE] < 0:
+    angle, torque = signs.get(f"angle_{loaded}_rad", 0), signs.get(f"torque_{loaded}_nm", 0)
+    # the torque at the locked shaft was compared with that of the loaded one, and the drive's position with it
+    other = signs.get(f"torque_{locked}_nm", 0) * (torque or 1)
+    position = signs[DRIVE_ANGLE] * (other or 1) if seen[0].against == f"torque_{locked}_nm" else signs[DRIVE_ANGLE]
+    if position < 0:
         cure = "Set the drive's polarity 0x607E to 0 with the maker's tool, and check its encoder's direction."
         yield Finding(what="The drive's position falls while its torque is positive.", cure=cure)
         return
-    angle, torque = signs.get(f"angle_{loaded}_rad", 0), signs.get(f"torque_{loaded}_nm", 0)
-    # the torque at the locked shaft was compared with that of the loaded one
-    other = signs.get(f"torque_{locked}_nm", 0) * (torque or 1)
     shown = [sign for sign in (angle, torque, other) if sign]
     if len(shown) > 1 and all(sign < 0 for sign in shown):
         toggled = "false" if bench.drive.reversed else "true"

@@ -146,8 +146,8 @@ def judged(tried: Tried, seen_ages: Sequence[Age], seen_lags: Sequence[Lag]) -> 
     """Say what is older, or lags otherwise, than the files say."""
     findings = [*_of_ages(seen_ages), *_of_lags(seen_lags)]
     if not tried.complete:
-        cure = "Mend that first; a wrong direction is found by: lostmotion bench direction."
-        findings.append(Finding(what=f"The small run ended early: {tried.why}.", cure=cure))
+        cure = "Correct this first; a wrong direction is found by: lostmotion bench direction."
+        findings.append(Finding(what=f"The test run with small torque ended early: {tried.why}.", cure=cure))
     return tuple(findings)
 
 
@@ -166,7 +166,7 @@ def _of_lags(seen: Sequence[Lag]) -> Iterator[Finding]:
         sensor = one.channel.rsplit("_", 1)[0]
         if one.measured_ms is None:
             what = f"{one.channel} does not follow {one.against}: no lag can be told."
-            yield Finding(what=what, cure="Check sensor and coupling, then do this step again.")
+            yield Finding(what=what, cure="Check sensor and coupling.")
         elif abs(one.measured_ms - one.declared_ms) > one.allowed_ms:
             what = (
                 f"{one.channel} lags {one.measured_ms:.1f} ms behind {one.against}; bench file says "

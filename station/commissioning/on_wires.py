@@ -102,7 +102,7 @@ def on_wires(bench_name: str) -> OnWires:
     bench = source.bench()
     if bench.bench.embedded:
         hint = "Start `lostmotion virtual-bench`, and name a bench file with its ports"
-        raise StationError(f"{path}: the embedded virtual bench is there only while a run uses it. {hint}")
+        raise StationError(f"{path}: the embedded virtual bench exists only during a run. {hint}")
     return OnWires(source, bench)
 
 

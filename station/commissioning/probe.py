@@ -88,7 +88,7 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         live += _can_values(frames, time.monotonic())
     findings = [
         Finding(
-            what=f"{one.place} {one.meaning}: found {one.found}, wanted {one.wanted}", cure=_sentence(one.next_step)
+            what=f"{one.place} {one.meaning}: found {one.found}, expected {one.wanted}", cure=_sentence(one.next_step)
         )
         for one in objects
         if one.outcome in REFUSED
@@ -98,7 +98,7 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     for sensor, rows in of_sensors:
         findings += [
             Finding(
-                what=f"{sensor.where}, {one.place} {one.meaning}: found {one.found}, wanted {one.wanted}",
+                what=f"{sensor.where}, {one.place} {one.meaning}: found {one.found}, expected {one.wanted}",
                 cure=_sentence(one.next_step),
             )
             for one in rows

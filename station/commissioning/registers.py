@@ -79,13 +79,14 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
     bench: OnWires,
     part: str | None,
     seconds: float,
-    begun: Callable[[], None],
+    begun: Callable[[Mapping[str, float]], None],
     told: Callable[[Row, float], None],
     without: Sequence[str] = (),
 ) -> Browsed:
     """Read the blocks of all devices that measure again and again for at most `seconds`, or that of one device.
 
-    begun: called after the first look. told: called for each torque that has moved by 1 % of its full scale more.
+    begun: called after the first look with what to press on, and by how much at least [N·m]. told: called for each
+    torque that has moved by 1 % of its full scale more.
     Ends early when every torque was pressed on; `without`: channels that nobody can press on.
 
     Raises:
@@ -114,7 +115,7 @@ def browse(  # noqa: PLR0917 - what is looked at, and who is told
             for one, value in pressed.look({name: seen[-1] for name, seen in looks.items()}) if part is None else ():
                 told(one.row(looks[one.part]), value)
             if count == 1:
-                begun()
+                begun({one.channel: one.step_nm for one in pressed.channels})
             pause(LOOK_EVERY_S)
     rows, findings = _judged(by_hand, frames, looks)
     if part is None and not findings:
@@ -168,7 +169,7 @@ class _Pressed:
     """Which torque channels have moved since the first look, in the word orders of the profiles."""
 
     def __init__(self, channels: Sequence[_Channel], without: Sequence[str]) -> None:
-        self._channels = [one for one in channels if one.channel not in without]
+        self.channels = [one for one in channels if one.channel not in without]
         self._first: dict[str, float] = {}
         self._said: dict[str, float] = {}
         self._most: dict[str, float] = {}
@@ -177,17 +178,17 @@ class _Pressed:
     @property
     def all_moved(self) -> bool:
         """Whether every channel that can be pressed on was."""
-        return len(self.moved) == len(self._channels)
+        return len(self.moved) == len(self.channels)
 
     @property
     def moved(self) -> tuple[tuple[str, float], ...]:
         """The channels that have moved, and by how much at most [N·m]."""
-        most = ((one, self._most.get(one.channel, 0.0)) for one in self._channels)
+        most = ((one, self._most.get(one.channel, 0.0)) for one in self.channels)
         return tuple((one.channel, by) for one, by in most if by >= one.step_nm)
 
     def look(self, blocks: Mapping[str, bytes]) -> Iterator[tuple[_Channel, float]]:
         """Take a look; yield each channel that has moved by one step more than was said of it last."""
-        for one in self._channels:
+        for one in self.channels:
             name, value = one.channel, one.decode(blocks[one.part])
             if value is None:
                 continue
@@ -201,7 +202,7 @@ class _Pressed:
 
     def findings(self) -> Iterator[Finding]:
         """Say what is beyond its sensor's range, and what never moved."""
-        for one in self._channels:
+        for one in self.channels:
             by = self._most.get(one.channel, 0.0)
             if one.channel in self._beyond:
                 value, usable = self._beyond[one.channel], one.sensor.usable_nm
@@ -345,7 +346,7 @@ def _byte_orders(part: str, frame: CanFrame, rows: Sequence[Row]) -> Iterator[Fi
         names, right = ", ".join(row.field for row in against), against[0].shows
         yield Finding(
             what=f"Byte order: {names} of {part} change as in byte order {right}; the profile has the other.",
-            cure=f"Write 'byte_order: {right}' into the profile of {part}, then do this step again.",
+            cure=f"Write 'byte_order: {right}' into the profile of {part}.",
         )
 
 
@@ -359,5 +360,5 @@ def _word_orders(profile: ModbusProfile, rows: Sequence[Row]) -> Iterator[Findin
     right = "little" if profile.word_order == "big" else "big"
     yield Finding(
         what=f"Word order: {names} change as in word order {right}; profile says {profile.word_order}.",
-        cure=f"Write 'word_order: {right}' into profile {profile.profile.name}, then do this step again.",
+        cure=f"Write 'word_order: {right}' into profile {profile.profile.name}.",
     )

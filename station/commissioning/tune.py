@@ -93,8 +93,10 @@ def judged(gain_per_s: float, tuned: Tuned) -> tuple[Finding, ...]:
     """Say whether the gain of the bench file is right, and which one is proposed."""
     failed = next((step for step in tuned.steps if not step.complete), None)
     if failed is not None:
-        cure = "Mend that first; a wrong direction is found by: lostmotion bench direction."
-        return (Finding(what=f"The small run at {failed.gain_per_s:g} 1/s ended early: {failed.why}.", cure=cure),)
+        cure = "Correct this first; a wrong direction is found by: lostmotion bench direction."
+        return (
+            Finding(what=f"The test run with gain {failed.gain_per_s:g} 1/s ended early: {failed.why}.", cure=cure),
+        )
     if tuned.proposed_per_s == gain_per_s:
         return ()
     loud = max((step for step in tuned.steps if not step.quiet), key=lambda step: step.setback)
@@ -103,8 +105,12 @@ def judged(gain_per_s: float, tuned: Tuned) -> tuple[Finding, ...]:
         f" within a ramp, at most {QUIET:.1%} allowed up to twice the gain."
     )
     if tuned.proposed_per_s is None:
-        return (Finding(what=what, cure="Look for play and loose couplings: no gain that was tried is quiet."),)
-    cure = f"Write 'torque_control: {{gain: {tuned.proposed_per_s:.2g}}}' into the bench file, then do this step again."
+        return (
+            Finding(
+                what=what, cure="Look for play and loose couplings: the torque swings at every gain that was tried."
+            ),
+        )
+    cure = f"Write 'torque_control: {{gain: {tuned.proposed_per_s:.2g}}}' into the bench file."
     return (Finding(what=what, cure=cure),)
 
 

@@ -282,12 +282,12 @@ def _leave(link: CanLink, drive: CanDrive, config: DriveConfig) -> None:
 CURES = {
     "setpoints": (
         "This drive may check synchronous PDOs only when a SYNC arrives. In its profile, write 'transmission_type: 255'"
-        " (event-driven) on the receive PDOs. Then do this step again. If it still does not stop, write 'timeout:"
+        " (event-driven) on the receive PDOs. If it then still does not stop, write 'timeout:"
         " false': then only the heartbeat protects."
     ),
     "heartbeat": (
         "In protections of its profile, write 'controller_heartbeat: consumer_heartbeat' (0x1016), and check"
-        " controller_node_id. Then do this step again. If it still does not stop, write 'none': then only the time-out"
+        " controller_node_id. If it then still does not stop, write 'none': then only the time-out"
         " of set-points protects."
     ),
     "everything": (

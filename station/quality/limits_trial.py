@@ -96,7 +96,7 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
         guard if tried.guard_factor is None else (tried.guard_factor or None),
     )
     if after == before:
-        raise StationError("nothing is tried: give --min, --max or --guard-factor another value than the recipe has")
+        raise StationError("no limit differs from the recipe: give --min, --max or --guard-factor another value")
     check_limits(what.name, after.limit_min, after.limit_max)
     counts = flips(production, lot, what, after)
     changing = sum(number for (was, new), number in counts.items() if was != new)
@@ -161,7 +161,8 @@ def draft_of(data: Path, found: Trial, person: str) -> Revision:
     places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
     if len(places) != 1:
         raise StationError(
-            f"{found.metric.metric} is there {len(places)} times in the recipe's own metrics; change it in the station"
+            f"{found.metric.metric} occurs {len(places)} times in the recipe's own metrics, once is needed; change "
+            "the recipe in the station"
         )
     for name in ("limit_min", "limit_max"):
         now, new = getattr(found.before, name), getattr(found.after, name)

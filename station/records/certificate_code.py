@@ -20,6 +20,9 @@ from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
 
+CERTIFICATE = "certificate.yaml"
+"""The file of a data folder that says how its certificates look; what is made by it is made anew when it changes."""
+
 GENUINE, ALTERED, UNKNOWN = "genuine", "altered", "unknown"
 LONGEST_CODE = 400
 

@@ -141,7 +141,9 @@ class Store:
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings
         except OSError as error:
-            raise RecordError(f"{self.data}: cannot be written: {error.strerror}. Choose another --data") from error
+            raise RecordError(
+                f"{self.data}: cannot be written: {error.strerror}. Choose another folder with --data"
+            ) from error
         for name, content in files.items():
             (record.folder / name).parent.mkdir(exist_ok=True)
             record.write_bytes(name, content)
@@ -244,7 +246,9 @@ class Store:
             raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
         if newest is None:
-            raise StationError(f"{self.data}: holds no runs. Make one with 'lostmotion run', or name --data")
+            raise StationError(
+                f"{self.data}: holds no runs. Measure one with 'lostmotion run', or name another folder with --data"
+            )
         if name == "last" or exact:
             return RunRecord(self.data / (newest if name == "last" else name))
         if by_serial:

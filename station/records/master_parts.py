@@ -54,7 +54,8 @@ def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> Maste
 
 
 ONE_SIDED = (
-    "Its limits are on one side, so an error that makes it read better does not show: give its recipe a lower and an "
+    "Its limits are on one side, so an error that makes it read better does not show: give the recipe of the part a "
+    "lower and an "
     "upper limit"
 )
 
@@ -65,7 +66,7 @@ def _proves(run: RunRecord, part: MasterPart) -> str:
     A good one lies within its limits whatever the error, so its value cannot be off by more than they are apart.
     """
     if part.expect != "PASS":
-        return "A unit like it does not pass on this bench"
+        return "A unit like this one does not pass on this bench"
     apart = {}
     for metric in run.read(Result, RESULT).metrics:
         low, high = metric.limits.min, metric.limits.max

@@ -67,7 +67,8 @@ class StoredProgram:
     def _known(self, name: str, value: Entry | None) -> Entry:
         if value is None:
             raise RecordError(
-                f"{self._place}: has no entry {name}: the version that wrote it did not know it, or it is damaged"
+                f"{self._place}: has no entry {name}: an older version wrote the file, or it is damaged. Restore it "
+                "from a backup"
             )
         return value
 

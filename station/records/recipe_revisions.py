@@ -132,7 +132,7 @@ def after(before: Revision | None, event: Event, data: Path) -> Revision:
     if before is None:
         raise RevisionError(f"There is no {title}. Save it first")
     if before.sha256 != event.sha256:
-        raise RevisionError(f"{title} was changed by somebody else. Load it again and read it")
+        raise RevisionError(f"{title} was changed by somebody else. Load the new text and read it")
     if event.kind == RECIPE_ASKED:
         return replace(before, state=State.ASKED, asked_by=event.person)
     if before.state is not State.ASKED:

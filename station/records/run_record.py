@@ -27,7 +27,7 @@ from typing import Any
 from station.atomic_file import as_json, open_file, refused, write_atomic
 from station.documents.entries import Plain, plain
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
-from station.documents.reading import Document, read_document
+from station.documents.reading import NEXT_STEP, Document, read_document
 from station.errors import RecordError
 from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock
@@ -132,7 +132,7 @@ class RunRecord:
         except OSError as error:
             raise refused(path, error, "read") from error
         except (ValueError, RecursionError) as error:
-            raise RecordError(f"{path}: is damaged: {error}") from error
+            raise RecordError(f"{path}: is damaged: {error}. {NEXT_STEP}") from error
 
     def remove(self, name: str) -> None:
         """Remove one of the run's files if it is there; RecordError when the disk refuses that."""

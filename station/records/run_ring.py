@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from station.atomic_file import refused
+from station.documents.reading import NEXT_STEP
 from station.errors import RecordError
 from station.records.process_birth import process_birth
 from station.records.ring import ring
@@ -85,7 +86,7 @@ def ring_of(run: RunRecord) -> Path | None:
         return None
     path, place = Path(name), run.folder / MANIFEST
     if not path.name.startswith(FILE_PREFIX):
-        raise RecordError(f"{place}: is damaged: ring: found {name!r}; allowed is a file {FILE_PREFIX}...")
+        raise RecordError(f"{place}: is damaged: ring: found {name!r}; allowed is a file {FILE_PREFIX}.... {NEXT_STEP}")
     try:
         path.stat()
     except OSError as error:
@@ -94,7 +95,10 @@ def ring_of(run: RunRecord) -> Path | None:
         raise refused(path, error, "read") from error
     head = ring_head(path)
     if head is not None and head.run and Path(head.run).name != run.id:
-        raise RecordError(f"{place}: is damaged: ring: found the ring of run {Path(head.run).name}; allowed is its own")
+        raise RecordError(
+            f"{place}: is damaged: ring: found the record buffer of run {Path(head.run).name}; allowed is its own. "
+            f"{NEXT_STEP}"
+        )
     return path
 
 

@@ -15,14 +15,13 @@ from recipes import RecipeError, load_document
 from station.documents.manifest import Manifest
 from station.documents.result import MetricValue, Result
 from station.errors import RecordError
-from station.records.certificate_code import code_of
+from station.records.certificate_code import CERTIFICATE, code_of
 from station.records.run_record import RunRecord
 from station.records.seal import is_sealed
 from station.reports.headline import badges
 from station.reports.metric_sides import side_rows
 from station.reports.result_text import guarded_text, limits_text, minus, number, plus_minus, unit_text
 
-FILE = "certificate.yaml"
 CODE_MM = 30.0
 """Side of the square: its modules are then above half a millimetre, which every scanner reads."""
 
@@ -92,7 +91,7 @@ def certificate_of(run: RunRecord, result: Result) -> Certificate | None:
 
 
 def _heads(data: Path) -> CertificateFile:
-    file = data / FILE
+    file = data / CERTIFICATE
     try:
         return load_document(file, CertificateFile) if file.is_file() else CertificateFile()
     except RecipeError as error:

@@ -149,7 +149,7 @@ def open_line(result: Result) -> str:
     where = "and therefore in U" if any(one.in_budget for one in result.not_excluded) else "and not in U"
     checked = result.run is None or any(note.startswith(MASTER) for note in result.notes)
     missing = "" if checked else " A master part shows such errors; the bench file names none (master_parts)."
-    return f"Not excluded by this run, {where}: {'; '.join(said)}.{missing}"
+    return f"Errors that this run cannot exclude, {where}: {'; '.join(said)}.{missing}"
 
 
 def _counted(count: int, became: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -15,13 +16,13 @@ from station.errors import RecordError
 from station.records.run_record import RunRecord
 from station.records.samples.history import history_of
 from station.records.samples.samples import read_samples
-from station.reports.figures.stiffness_plot import local_stiffness
-from station.reports.illustrate import Shown
 from station.reports.metric_sides import worst_first
 from station.reports.metric_torques import Span, torque_spans
-from station.reports.report_of_run import shown_of
 from station.reports.stored_result import refuse_doubtful
 from station.results.evaluation import method_of
+
+if TYPE_CHECKING:
+    from station.reports.illustrate import Shown
 
 BRANCH_POINTS = 500
 """Points that a branch is drawn by: twice what a screen tells apart across the part of it that is looked at."""
@@ -76,6 +77,10 @@ def loop_curves(run: RunRecord) -> LoopCurves:
         RecordError: the run is not concluded, its record is not as it was left, or it cannot be read.
 
     """
+    # What draws pictures is loaded here: a page that shows curves which were made elsewhere needs none of it.
+    from station.reports.figures.stiffness_plot import local_stiffness  # noqa: PLC0415
+    from station.reports.report_of_run import shown_of  # noqa: PLC0415
+
     refuse_doubtful(run)
     try:
         shown = shown_of(run)

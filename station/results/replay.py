@@ -214,7 +214,7 @@ def _disorder(expected: int, found: int, rest: list[int]) -> str:
         return f"found record {found} in the place of record {expected}: the order is wrong, the file was changed"
     last = found - 1
     missing = f"record {expected} is" if last == expected else f"records {expected} to {last} are"
-    return f"{missing} missing: the ring was full, or the file was changed"
+    return f"{missing} missing: the record buffer was full, or the file was changed"
 
 
 def replay(content: bytes, controller: Steps, layout: Layout = CURRENT) -> Replayed:

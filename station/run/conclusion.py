@@ -91,7 +91,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     state = "fault" if outcome.refused else _end_state(table)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     if outcome.lost:
-        broken.append(f"{outcome.lost} records were lost: the supervisor process was too slow")
+        broken.append(f"{outcome.lost} records were lost: the supervisor process was too slow. Close other programs")
     # The last record may say complete although the process that wrote it was lost before it could say so.
     unsure = [outcome.trouble] if outcome.trouble and state == "complete" else []
     of_clock = [] if outcome.refused else objections_to_clock(timing)

@@ -105,6 +105,8 @@ class Supervisor:
         self._waits = False
         self._seen: SimpleQueue[bytes] = SimpleQueue()
         self._wall_clock = JumpWatch()
+        self.tell_bench: Callable[[bytes], None] | None = None
+        """Passes a line on to the embedded virtual bench, once it is there; None before, and for any other bench."""
 
     def run(self, unit: VirtualUnit | None, scenario: Path | None) -> RunOutcome:
         """Run to the end; `unit` and `scenario` are for the embedded virtual bench.
@@ -123,6 +125,7 @@ class Supervisor:
                 life_line = children.LifeLine()
                 cleanup.callback(life_line.close)
                 ports = self._start_bench(cleanup, life_line, unit, scenario)
+                self.tell_bench = life_line.tell
             ring_path = create(self._record.folder, run=self._record.folder)
             ring = RingReader(ring_path)
             cleanup.callback(self._let_go, ring, ring_path)
@@ -216,7 +219,9 @@ class Supervisor:
                 armed = True
                 ring.send(Command.START)
             if not armed and now - started > ARM_TIMEOUT_S:
-                raise BenchFaultError(f"the scan process did not start within {ARM_TIMEOUT_S:.0f} s")
+                raise BenchFaultError(
+                    f"the scan process did not start within {ARM_TIMEOUT_S:.0f} s. Close other programs and run again"
+                )
             self._pass_on(ring, process, armed=armed)
             if self._attend is not None and ring.written:
                 self._attend(ring)

@@ -113,14 +113,14 @@ def _exact(kind: type[SpecT], path: Path, sha256: str, *, unlimited: bool = Fals
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise SpecError(
-            f"{path}: not the one that was checked: found SHA-256 {found}; allowed is {sha256}. {NEXT_STEP}"
+            f"{path}: was changed after it was checked: found SHA-256 {found}; allowed is {sha256}. {NEXT_STEP}"
         )
     try:
         data: Any = json.loads(content)
         return exact(kind, data, unlimited=unlimited)
     except InexactError as error:
         texts = "; ".join(error.problems[:3])
-        raise SpecError(f"{path}: no {kind.__name__} of this version: {texts}. {NEXT_STEP}") from error
+        raise SpecError(f"{path}: is not a {kind.__name__} of this version: {texts}. {NEXT_STEP}") from error
     except ValueError as error:
         raise SpecError(f"{path}: found no JSON: {error}. {NEXT_STEP}") from error
 

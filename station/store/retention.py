@@ -76,7 +76,7 @@ class Rules(BaseModel):
         ids = [rule.id for rule in self.rules]
         twice = next((one for one in ids if ids.count(one) > 1), None)
         if twice is not None:
-            raise refusal(f"two rules {twice!r}", "each id once", "The lines of removals name rules by their id.")
+            raise refusal(f"two rules {twice!r}", "each id once", "Rename one: removed runs name their rule by its id.")
         return self
 
 
@@ -210,7 +210,7 @@ def _not_backed_up(data: Path, run: RunRecord, backed_up: Mapping[str, str]) -> 
     for path in _files(run):
         name = path.relative_to(data).as_posix()
         if backed_up.get(name) != fingerprint(path).sha256:
-            return f"{name} is not in the backup as it is here"
+            return f"{name} differs from the backup"
     return ""
 
 

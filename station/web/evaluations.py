@@ -1,8 +1,11 @@
 """Stored runs evaluated in a process of their own: reports, loops and files are made there, beside the server.
 
 A report keeps a processor busy for a second or two. In the server's own process it would hold up every open page; so
-one further process makes them, one after another, and gives way to a run that is on.
+one further process makes them, one after another, and gives way to a run that is on. What draws and evaluates is loaded
+there and not in the server: the functions that do it load it.
 """
+
+# ruff: noqa: PLC0415 - imports inside the functions that are called in the other process
 
 from __future__ import annotations
 
@@ -17,22 +20,21 @@ from contextlib import suppress
 from multiprocessing import get_context
 from pathlib import Path
 from threading import Event, Lock, Thread
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from station.errors import StationError
+from station.records.certificate_code import CERTIFICATE
 from station.records.chain.chain_file import Chain
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.samples.layout import CURRENT
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES
-from station.reports.certificate import FILE as CERTIFICATE
-from station.reports.export_of_run import export_run
-from station.reports.loop_curves import LoopCurves, loop_curves
-from station.reports.report_of_run import loop_of, report_of
 from station.reports.stored_result import refuse_doubtful
-from station.run.conclusion import load_ahead
 from station.store.projection import seen, seen_files
 from station.store.view import bring_up
+
+if TYPE_CHECKING:
+    from station.reports.loop_curves import LoopCurves
 
 LONGEST_S = 180.0
 """Longest time that a page or a request waits, those before it included."""
@@ -62,11 +64,11 @@ class Evaluations:
 
     def report(self, run: RunRecord) -> tuple[bytes, bytes]:
         """Return the report of a run as HTML and as PDF; StationError as `report_of`."""
-        return self._once(report_of, run)
+        return self._once(_report_of, run)
 
     def loop_csv(self, run: RunRecord) -> bytes:
         """Return the loop of a run as CSV; StationError as `loop_of`."""
-        return self._made(loop_of, run.folder)
+        return self._made(_loop_of, run.folder)
 
     def parquet(self, run: RunRecord) -> bytes:
         """Return all samples of a run as Parquet; StationError as `export_run`, or where its record is doubtful."""
@@ -74,7 +76,7 @@ class Evaluations:
 
     def loop(self, run: RunRecord) -> LoopCurves:
         """Return what is drawn of a run, StationError as `loop_curves`."""
-        return self._once(loop_curves, run)
+        return self._once(_curves_of, run)
 
     def last_record(self, run: RunRecord) -> bytes:
         """Return the last record of a run; see the function of that name."""
@@ -164,6 +166,8 @@ def _begin(server: int) -> None:
         os._exit(0)
 
     Thread(target=watch, daemon=True).start()
+    from station.run.conclusion import load_ahead
+
     load_ahead()  # now, and not when the first person waits for a loop
 
 
@@ -183,7 +187,27 @@ def last_record(run: RunRecord) -> bytes:
     return samples_bytes(run)[-RECORD_BYTES:]
 
 
+def _report_of(run: RunRecord) -> tuple[bytes, bytes]:
+    from station.reports.report_of_run import report_of
+
+    return report_of(run)
+
+
+def _loop_of(run: RunRecord) -> bytes:
+    from station.reports.report_of_run import loop_of
+
+    return loop_of(run)
+
+
+def _curves_of(run: RunRecord) -> LoopCurves:
+    from station.reports.loop_curves import loop_curves
+
+    return loop_curves(run)
+
+
 def _parquet_of(run: RunRecord) -> bytes:
+    from station.reports.export_of_run import export_run
+
     refuse_doubtful(run)
     with tempfile.TemporaryDirectory() as place:
         file = Path(place) / "run.parquet"

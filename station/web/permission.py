@@ -21,6 +21,7 @@ from station.records.master_parts import master_parts
 from station.records.recipe_revisions import History, Revision, RevisionError
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
+from station.run.jog.jogs import jog_is_on
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 from station.wall_clock import WALL_CLOCK
 from station.web.mes.previous_step import FAILED, PASSED, PreviousStep
@@ -61,6 +62,7 @@ class Situation:
     unconfirmed: str
     previous_step: PreviousStep | None = None
     scanner_tested: bool = True
+    jogging: bool = False
 
     @property
     def is_master_part(self) -> bool:
@@ -113,7 +115,10 @@ def situation_of(
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
     bad = unconfirmed(data, confirmed)
-    return Situation(data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested)
+    return Situation(
+        data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
+        jogging=jog_is_on(data),
+    )  # fmt: skip
 
 
 def likely_first(data: Path, models: Models) -> tuple[str, str]:
@@ -134,7 +139,7 @@ def recipe_file(history: History, recipe: str) -> str:
 
 
 def refusals(situation: Situation, bypassed: Collection[str] = ()) -> list[tuple[str, str]]:
-    """Return id and reason of every condition that is not met; while a run is on that alone counts.
+    """Return id and reason of every condition that is not met; while a run or a jog is on that alone counts.
 
     bypassed: ids of conditions that were set aside; of the others none can be.
     """
@@ -161,7 +166,9 @@ def may_be_bad(run: RunRecord) -> bool:
 
 
 def _bench_free(one: Situation) -> str | None:
-    return "A run is in progress. Wait for its result, then scan again." if one.busy else None
+    if one.busy:
+        return "A run is in progress. Wait for its result, then scan again."
+    return "The bench is being jogged. End the jog on the page Jog, then scan again." if one.jogging else None
 
 
 def _model_known(one: Situation) -> str | None:
@@ -252,7 +259,7 @@ def _bench_recovered(one: Situation) -> str | None:
         state, name = one.newest.state(), one.newest.id
         way_back = newest_recovery(one.data, one.newest)
         if way_back is not None and is_under_way(way_back):
-            return "The way back from a fault is under way. Wait until the unit is unloaded and the lock is open."
+            return "The recovery after a fault is in progress. Wait until the unit is unloaded and the lock is open."
         if state not in ("fault", INTERRUPTED, NOT_CONCLUDED) or was_recovered(one.data, one.newest):
             return None
     except StationError as error:
@@ -295,7 +302,7 @@ def _clock_plausible(one: Situation) -> str | None:
 
 
 CONDITIONS: tuple[Condition, ...] = (
-    Condition("bench_free", "no run is in progress", _bench_free),
+    Condition("bench_free", "no run and no jog is in progress", _bench_free),
     Condition("model_known", "the serial number is one of a known model", _model_known),
     Condition(
         "scanner_tested",

@@ -20,16 +20,18 @@ from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
 from station.web.pages.certificates import add_certificates
+from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.quality import add_quality_page
 from station.web.pages.recipes import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
+from station.web.people import audit
 from station.web.people.accounts import first_is_changed, first_password
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
-from station.web.rest.app import rest_of
+from station.web.rest.app import keeper_of, rest_of
 from station.web.running import Running
 from station.web.settings import load_settings
 from station.web.station import Station
@@ -66,6 +68,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
+            audit.tell_cut_off(connection)
             password = first_password(connection)
             # within the transaction: the password of an account that was just made would be lost
             _refuse_unready(served, changed=first_is_changed(connection))
@@ -91,6 +94,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_pages(station)
     add_certificates(station)
     add_maintenance(station)
+    add_jog(station)
     add_results(station)
     add_run_page(station)
     add_quality_page(station)
@@ -99,7 +103,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
-    return Guard(app, hosts_of(served, port))
+    return Guard(app, hosts_of(served, port), keeper_of(station))
 
 
 def hosts_of(served: Served, port: int) -> frozenset[str]:
@@ -148,8 +152,7 @@ def serve(served: Served) -> None:
             )  # fmt: skip
             if sender is not None:
                 sender.start()
-            # When it starts, NiceGUI asks every object that the collector knows for its class, which one of canopen
-            # refuses. What is loaded by now stays for good.
+            # What is loaded by now stays for good: no later collection has to look through it.
             gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:

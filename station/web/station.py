@@ -5,10 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from station.web.bench.jogging import Jogging
 from station.web.bench.watch import BenchWatch
 from station.web.evaluations import Evaluations
 from station.web.mes.settings import MesSettings
 from station.web.models import Models
+from station.web.people import audit
 from station.web.people.database import StationDatabase
 from station.web.recipe_text.dry_run import DryRuns
 from station.web.running import Running
@@ -33,14 +35,24 @@ class Station:
     """The process that makes reports and loops of stored runs."""
     bench: BenchWatch = field(init=False)
     """What the bench shows, and the way back from a fault."""
+    jogging: Jogging = field(init=False)
+    """The jog of the bench."""
 
     def __post_init__(self) -> None:
         """Look at the bench of the same data folder."""
-        object.__setattr__(self, "bench", BenchWatch(self.data, self.running, self.evaluations))
+        object.__setattr__(self, "jogging", Jogging(self.data, self._key_lost))
+        object.__setattr__(self, "bench", BenchWatch(self.data, self.running, self.evaluations, self.jogging))
+
+    def _key_lost(self, name: str) -> None:
+        """Write that a key of the jog was let go without a word: its page was closed, or the connection is cut."""
+        with self.database.writing() as connection:
+            told = {"why": "lost", "before": {"held": True}, "after": {"held": False}}
+            audit.write(connection, name, "release_jog", audit.DONE, told)
 
     def close(self) -> None:
         """Close what is open of it; a run that is on goes on."""
         self.running.close()
+        self.jogging.close()
         self.dry_runs.close()
         self.evaluations.close()
         self.database.close()

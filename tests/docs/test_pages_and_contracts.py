@@ -8,8 +8,11 @@ from typing import get_args
 import pytest
 from typer.main import get_command
 
+from definitions.faults import FAULTS
+from definitions.protections import WITHOUT_INTERLOCK
 from docs import generate
 from docs.option_pages import BENCH_SECTIONS, RECIPE_SECTIONS, RECIPE_STEPS
+from docs.profile_page import KINDS, profile_options, sections
 from recipes.schema.bench_schema import Bench
 from recipes.schema.calibration_schema import FixturePoint
 from recipes.schema.recipe_schema import Recipe
@@ -58,3 +61,18 @@ def test_every_section_of_a_file_is_on_the_page_of_its_options(
 ) -> None:
     told_in_the_text_of_its_section = {FixturePoint}
     assert set(sections_in(model)) - {model} - told_in_the_text_of_its_section == set(shown.values())
+
+
+def test_every_section_of_a_profile_is_on_the_page_of_its_options() -> None:
+    titles = re.findall(r"^### (.*)$", profile_options(), re.MULTILINE)
+    for model, shipped in KINDS.values():
+        assert {where for _, where in sections(model)} <= set(titles)
+        assert (ROOT / "drivers" / "profiles" / shipped).is_file()
+    assert "read_also (each)" in titles
+
+
+def test_the_page_on_safety_says_of_every_interlock_what_proves_it_and_what_is_left_without_it() -> None:
+    assert list(WITHOUT_INTERLOCK) == [fault.id for fault in FAULTS if fault.live_in]
+    rows = [line.split(" | ") for line in generate.safety().splitlines() if line.startswith("| `")]
+    assert {row[0].partition(":")[0].strip("| `") for row in rows} >= set(WITHOUT_INTERLOCK)
+    assert all(cell.strip() for row in rows for cell in row)

@@ -61,17 +61,18 @@ def test_drive_profile_mistakes(change: Callable[[Any], None], reason: str) -> N
 
 MODBUS_MISTAKES = [
     (_set("read", "count", 3), "outside the 3 registers read"),
-    (_set("read", "fields", 1, "type", "i16"), "a bit is taken from a u16 without scale"),
+    (_set("read", "fields", 1, "type", "i16"), "a bit needs type u16 without scale"),
     (_set("read", "fields", 1, "name", "identity"), "a field name is used twice"),
     (_set("read", "table", "coil"), "found type u16 in table coil; allowed is bit"),
-    (_set("identity", "value", 65536), "beyond u16: at most 65535"),
-    (_set("identity", "text", "AB"), "has the key value, and no text"),
-    (_set("read", "fields", 3, "scale", 0.0), "the scale is 0"),
-    (_set("read", "fields", -1, "scale", -1.0), "a counter has neither scale nor zero"),
+    (_set("identity", "value", 65536), "65535"),
+    (_set("identity", "text", "AB"), "needs the key value, without text"),
+    (_set("read", "fields", 4, "scale", 0.0), "the scale is 0"),
+    (_set("read", "fields", 2, "bit", 0), "estop_released and guard_closed are the same bit"),
+    (_set("read", "fields", -1, "scale", -1.0), "a counter has no scale and no zero. Delete them"),
     (_set("write", {"table": "input", "address": 0, "fields": []}), "Input should be 'holding'"),
     (
         _set("write", {"table": "holding", "address": 0, "fields": [{"name": "a", "offset": 1, "type": "u16"}]}),
-        "without gaps it is 0",
+        "expected 0",
     ),
 ]
 

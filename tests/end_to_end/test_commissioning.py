@@ -120,6 +120,8 @@ PRESSED: dict[str, tuple[str, ...]] = {
     "Release the emergency stop. At": ("io.estop trip end",),
     "Open the guard": ("io.guard open",),
     "Close the guard. At": ("io.guard open end",),
+    "Press the enabling device": ("io.enabling_device press",),
+    "Let the enabling device go": ("io.enabling_device press end",),
 }
 PUSHED = {"Press on each": ("sensor.torque_in offset 0.5", "sensor.torque_out offset 30")}
 

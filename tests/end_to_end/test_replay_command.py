@@ -283,7 +283,7 @@ def test_a_replay_that_differs_is_told_from_a_recipe_that_would_have_changed_som
     assert lostmotion("replay", str(stored)).exit_code == 1
     ran = lostmotion("replay", str(stored), "--recipe", str(GOLDEN_RECIPE))
     assert ran.exit_code == 3
-    assert "another recipe are not computed" in ran.out
+    assert "another recipe cannot be computed" in ran.out
     as_recorded(RunRecord(stored))
     flip(RunRecord(stored), 500 * RECORD_BYTES + 100)
     ran = lostmotion("replay", str(stored), "--recipe", str(GOLDEN_RECIPE), "--json")

@@ -40,7 +40,7 @@ def test_what_does_not_hold_fails(lostmotion_bench):
 
 @pytest.mark.parametrize(("target", "verb", "value"), [("machine.disk", "full", None), ("can.bus", "errors", 5.0)])
 def test_a_fault_that_needs_wires_is_refused_in_virtual_time(lostmotion_bench, target, verb, value):
-    with pytest.raises(ValueError, match=f"{target} {verb} acts over wires only.*faults run FILE --wires"):
+    with pytest.raises(ValueError, match=f"{target} {verb} acts over real wires only.*faults run FILE --wires"):
         lostmotion_bench.inject(target, verb, value)
 
 

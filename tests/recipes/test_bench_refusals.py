@@ -18,7 +18,7 @@ BENCH_CASES = {
     "rtu without a port": ("transport: tcp", "transport: rtu", "rtu and no serial port"),
     "one node for two": ("node_id: 126 ", "node_id: 5 ", "5 for both"),
     "time-out below heartbeat": ("timeout: 100 ms ", "timeout: 30 ms ", "at least twice controller_heartbeat, 40 ms"),
-    "bits": ("20 bit", "20.5 bit", "Write a whole number of it."),
+    "bits": ("20 bit", "20.5 bit", "Write a whole number of this unit."),
     "unknown sensor": ("torque_out:", "torque_uot:", "Did you mean 'torque_out'?"),
     "torque sensor without error": ("accuracy: 0.1 %", "accuracy: 0 %", "allowed: a fraction such as '0.1 %', above 0"),
     "torque sensor of any error": ("accuracy: 0.1 %", "accuracy: 100 %", "above 0 and up to 10 %. This is too large"),

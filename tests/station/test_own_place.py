@@ -46,7 +46,9 @@ def test_a_folder_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch, tm
     monkeypatch.setenv(PLACE, str(tmp_path))
     own_folder("benches")
     monkeypatch.setattr(os, "geteuid", lambda: SOMEBODY)
-    with pytest.raises(StationError, match=f"this is user {SOMEBODY}. Run the command as the user of the bench"):
+    with pytest.raises(
+        StationError, match=f"this is user {SOMEBODY}. Run the command as the user to whom this folder belongs"
+    ):
         own_folder("benches")
 
 

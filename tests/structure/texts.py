@@ -1,8 +1,9 @@
 """Every text of the product that a person sees, with its place, found in the code without running it.
 
 A text is a message of an error that is raised, a sentence of the command line's help, a row of a table of the
-vocabulary, or a line of screen and report. Parts that only the run knows stand as `…`. For readers: fifty of them drawn
-at random show what a stranger understands, `python tests/structure/texts.py SEED`.
+vocabulary, or a line of screen and report. Parts that only the run knows stand as `…`; what a function names before it
+raises is read with the error, and what was found and what is allowed stand as on the screen. For readers: fifty of them
+drawn at random show what a stranger understands, `python tests/structure/texts.py SEED`.
 """
 
 from __future__ import annotations
@@ -29,6 +30,11 @@ PAGES = {"label", "button", "input", "number", "select", "tab", "set_text", "htm
 LINES = SCREEN | PAGES | {"Finding", "Condition", "Grid", "tell"}
 """Calls that put words on screen, onto a page or into a report."""
 
+READ_BY_MACHINES = ("<", "[Unit]", "default-src", "body{", "(params", "bold ", "\nmicro-")
+"""Beginnings of what no person reads: drawings, styles, units of systemd and policies."""
+
+FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+
 WHERE_LINES = (
     "station/cli/", "station/reports/", "station/run/", "station/results/", "station/web/", "station/commissioning/",
     "faultlab/",
@@ -45,13 +51,20 @@ class Seen(NamedTuple):
 
 def texts() -> list[Seen]:
     """Return all texts, each once, ordered by file and line."""
+    paths = [path for room in ROOMS for path in sorted((ROOT / room).rglob("*.py"))]
+    trees = {
+        path.relative_to(ROOT).as_posix(): ast.parse(path.read_text("utf-8"))
+        for path in paths
+        if "migrations" not in path.parts  # statements for the database
+    }
+    constants = dict(one for tree in trees.values() for one in _constants(tree))
+    for tree in trees.values():
+        _Filled(constants | dict(_constants(tree))).visit(tree)
+    shared = {key: one for tree in trees.values() for key, one in _refusals(tree).items()}
     found: dict[str, Seen] = {}
-    for room in ROOMS:
-        for path in sorted((ROOT / room).rglob("*.py")):
-            if "migrations" in path.parts:  # statements for the database
-                continue
-            name = path.relative_to(ROOT).as_posix()
-            for kind, line, text in _in_file(name, ast.parse(path.read_text("utf-8"))):
+    for name, tree in trees.items():
+        for kind, line, text in _in_file(name, tree, shared | _refusals(tree)):
+            if not text.startswith(READ_BY_MACHINES):
                 found.setdefault(text, Seen(kind, f"{name}:{line}", text))
     return list(found.values())
 
@@ -61,11 +74,47 @@ def drawn(seed: int, among: list[Seen]) -> list[Seen]:
     return sorted(random.Random(seed).sample(among, DRAWN), key=lambda one: one.place)  # noqa: S311 - a draw for readers
 
 
-def _in_file(name: str, tree: ast.Module) -> Iterator[tuple[str, int, str]]:
+def _constants(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
+    """Yield the sentences that a module has by name, such as a next step that several errors end with."""
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            text = _words(node.value)
+            if len(text.split()) > 1 and LEFT_OPEN not in text:
+                yield node.targets[0].id, ast.Constant(text)
+
+
+class _Filled(ast.NodeTransformer):
+    """Puts sentences in the place of their names."""
+
+    def __init__(self, constants: dict[str, ast.Constant]) -> None:
+        self._constants = constants
+
+    def visit_Name(self, node: ast.Name) -> ast.expr:
+        there = self._constants.get(node.id) if isinstance(node.ctx, ast.Load) else None
+        return node if there is None else ast.copy_location(ast.Constant(there.value), node)
+
+
+def _refusals(tree: ast.Module) -> dict[str, list[str]]:
+    """Return the parameters of each function and class that is told what was found and what is allowed."""
+    told: dict[str, list[str]] = {}
     for node in ast.walk(tree):
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-            yield from _raised(node.exc)
-        elif isinstance(node, ast.FunctionDef) and any(_is_command(one) for one in node.decorator_list):
+        if not isinstance(node, ast.ClassDef | ast.FunctionDef):
+            continue
+        inside = node.body if isinstance(node, ast.ClassDef) else [node]
+        for maker in (
+            one for one in inside if isinstance(one, ast.FunctionDef) and one.name in {node.name, "__init__"}
+        ):
+            names = [one.arg for one in maker.args.args if one.arg not in {"self", "cls"}]
+            if {"found", "allowed"} <= set(names):
+                told[node.name] = names
+    return told
+
+
+def _in_file(name: str, tree: ast.Module, refusals: dict[str, list[str]]) -> Iterator[tuple[str, int, str]]:
+    for raised, named in _raises(tree, {}):
+        yield from _raised(raised, named, refusals)
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef) and any(_is_command(one) for one in node.decorator_list):
             told = ast.get_docstring(node)
             if told:
                 yield "help", node.lineno, told
@@ -79,11 +128,29 @@ def _in_file(name: str, tree: ast.Module) -> Iterator[tuple[str, int, str]]:
             yield from _said("line", node.value, rows)
 
 
-def _raised(call: ast.Call) -> Iterator[tuple[str, int, str]]:
+def _raises(tree: ast.AST, named: dict[str, str]) -> Iterator[tuple[ast.Call, dict[str, str]]]:
+    """Yield each call that is raised, with the texts that its function has named by then."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            yield node.exc, named
+        elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and (text := _words(node.value)):
+            named[node.targets[0].id] = text
+        yield from _raises(node, dict(named) if isinstance(node, FUNCTIONS) else named)
+
+
+def _raised(call: ast.Call, named: dict[str, str], refusals: dict[str, list[str]]) -> Iterator[tuple[str, int, str]]:
     """An error is read as a whole: what was found, what is allowed, and what to do are parts of one text."""
-    parts = [text for one in call.args if any(map(str.isalpha, text := _words(one)))]
-    text = "; ".join(parts)
-    if len(text.split()) >= LEAST_WORDS["error"]:
+    called = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
+    parts = [named.get(one.id, "") if isinstance(one, ast.Name) else _words(one) for one in call.args]
+    if called in refusals:
+        told = dict(zip(refusals[called], parts, strict=False))
+        text = f"found {told.get('found') or LEFT_OPEN}; allowed: {told.get('allowed') or LEFT_OPEN}"
+        hint = told.get("hint", "")
+        text += f"{'. ' if hint[0].isupper() else '; '}{hint}" if hint else ""
+        written = " ".join(parts)
+    else:
+        text = written = "; ".join(one for one in parts if any(map(str.isalpha, one)))
+    if len(written.split()) >= LEAST_WORDS["error"] and any(map(str.isalpha, written)):
         yield "error", call.lineno, text
 
 
@@ -114,6 +181,8 @@ def _words(node: ast.expr) -> str:
     """Return the text of a literal, an f-string, or a sum of both; nothing for anything else."""
     if isinstance(node, ast.Constant):
         return node.value if isinstance(node.value, str) else ""
+    if isinstance(node, ast.FormattedValue) and isinstance(node.value, ast.Constant):
+        return _words(node.value)
     if isinstance(node, ast.JoinedStr):
         return "".join(_words(part) or LEFT_OPEN for part in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):

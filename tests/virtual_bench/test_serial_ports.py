@@ -132,7 +132,7 @@ def test_the_name_left_by_a_bench_that_was_killed_is_taken_over(tmp_path: Path) 
     asyncio.run(use())
 
 
-@pytest.mark.parametrize(("name", "said"), [("there", "not there yet"), ("/dev/ttyUSB9", "for real devices")])
+@pytest.mark.parametrize(("name", "said"), [("there", "does not exist yet"), ("/dev/ttyUSB9", "for real devices")])
 def test_a_name_that_is_taken_or_a_device_is_refused(tmp_path: Path, name: str, said: str) -> None:
     (tmp_path / "there").touch()
 

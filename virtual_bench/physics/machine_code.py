@@ -116,8 +116,8 @@ def _compiled(cpu: str, features: str) -> bytes:
     if called:
         names = ", ".join(sorted(called))
         raise RuntimeError(
-            f"plant_kernel.py: the compiled kernel calls {names}; without numba it finds only what LLVM knows itself, "
-            "such as exp: let it neither raise nor allocate"
+            f"plant_kernel.py: the compiled kernel calls {names}; without numba it may call only functions of LLVM "
+            "itself, such as exp. Change the kernel so that it neither raises nor allocates"
         )
     return bytes(machine.emit_object(module))
 

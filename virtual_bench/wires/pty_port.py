@@ -42,14 +42,14 @@ class PtyPort:
     def _make_link(self, link: Path) -> None:
         if link.parts[:2] == ("/", "dev"):
             self.close(keep_link=True)
-            raise OSError(f"serial port {link}: names in /dev are for real devices; name one elsewhere")
+            raise OSError(f"serial port {link}: names in /dev are for real devices; choose a path elsewhere")
         if link.is_symlink() and not link.exists():
             link.unlink()  # left behind by a bench that was killed
         try:
             link.symlink_to(self.path)
         except OSError as error:
             self.close(keep_link=True)
-            raise OSError(f"serial port {link}: {error.strerror}; name one that is not there yet") from error
+            raise OSError(f"serial port {link}: {error.strerror}; choose a path that does not exist yet") from error
 
     def close(self, *, keep_link: bool = False) -> None:
         """Pull the cable: the controller's port is hung up. Safe to call twice."""

@@ -93,7 +93,9 @@ def _source(
     path = trace_file(trace)
     if path is not None:
         if recipe is None:
-            raise StationError(f"{trace}: --recipe is missing: it gives the loading of the dummy and the ratio")
+            raise StationError(
+                f"{trace}: --recipe is missing: name the recipe of the blank test, which has its loading and ratio"
+            )
         own = None if bench is None else load_bench(find_bench(bench))
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
         return read_trace(path), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"

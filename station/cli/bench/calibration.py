@@ -191,7 +191,7 @@ def _check_text(quadrant: str, check: LineCheck) -> str:
     if check.theil_sen is not None:
         said.append(f"Theil–Sen slope {check.theil_sen.slope}, offset {_torque(check.theil_sen.offset_nm)}")
     if None not in (check.points, check.flagged):
-        said.append(f"{check.flagged} of {check.points} points flagged")
+        said.append(f"{check.flagged} of {check.points} points marked as outliers")
     return f"# {quadrant}: {'; '.join(said)}" if said else ""
 
 

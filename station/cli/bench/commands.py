@@ -28,11 +28,13 @@ def virtual_bench(
     bench: BenchOption = None,
     can: Annotated[
         str | None,
-        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan: act as a serial adapter."),
+        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan for a serial adapter."),
     ] = None,
     modbus: Annotated[
         str | None,
-        typer.Option("--modbus", metavar="WHERE", help="HOST:PORT, also the next two; rtu: serial ports."),
+        typer.Option(
+            "--modbus", metavar="WHERE", help="HOST:PORT, also uses the next two ports; or rtu for serial ports."
+        ),
     ] = None,
     unit: UnitOption = None,
     scenario: ScenarioOption = None,
@@ -49,7 +51,7 @@ def virtual_bench(
         bool,
         typer.Option(
             "--hands",
-            help="Read what somebody does at the bench from standard input: 'io.estop trip', then 'io.estop trip end'.",
+            help="Read actions at the bench from standard input, such as 'io.estop trip' and 'io.estop trip end'.",
         ),
     ] = False,
 ) -> None:
@@ -125,7 +127,7 @@ def blank(
         typer.Option(
             "--recipe",
             metavar="RECIPE",
-            help="Recipe with which the dummy was loaded. Default for a run: its own recipe.",
+            help="Recipe of the blank test. Default for a stored run: the recipe of that run.",
         ),
     ] = None,
     bench: Annotated[

@@ -47,7 +47,7 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         raise StationError(f"{place}: there is no such file or folder")
     files = eds_files(place)
     if not files:
-        raise StationError(f"{place}: no file in it ends with {' or '.join(ENDINGS)}")
+        raise StationError(f"{place}: this folder has no file that ends with {' or '.join(ENDINGS)}")
     drafts, unreadable = _drafts(files, place)
     _write(drafts, out)
     if as_json:
@@ -57,9 +57,11 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         for one in drafts:
             _say_draft(one, out)
         for text in unreadable:
-            typer.echo(text)
+            typer.echo(f"# {text}")
         if len(files) > 1:
-            typer.echo(f"{len(drafts)} of {len(files)} files drafted")
+            usable = sum(not one.refused for one in drafts)
+            rest = f"{len(drafts) - usable} cannot be used, {len(unreadable)} could not be read"
+            typer.echo(f"# {len(files)} files: {usable} usable, {rest}")
     return EXIT_UNUSABLE if unreadable or any(one.refused for one in drafts) else 0
 
 
@@ -98,13 +100,13 @@ def _write(drafts: list[Draft], out: Path | None) -> None:
 
 def _say_draft(one: Draft, out: Path | None) -> None:
     if out is None:
-        typer.echo(one.text)
+        typer.echo(f"---  # {one.source}\n{one.text}")
     else:
         typer.echo(f"{one.source}: drafted {out / one.name}.yaml")
     for heading, texts in (
         ("cannot be used", one.refused),
         ("this drive lacks", one.lacks),
-        ("the file does not tell", one.open_places),
+        ("to check", one.open_places),
     ):
         for text in texts:
             typer.echo(f"# {heading}: {text}")
@@ -124,7 +126,7 @@ def compare(bench_name: str, *, as_json: bool) -> int:
     bench = load_bench(path)
     if bench.bench.embedded:
         hint = "Start `lostmotion virtual-bench`, and name a bench file with its ports"
-        raise StationError(f"{path}: the embedded virtual bench is there only while a run uses it. {hint}")
+        raise StationError(f"{path}: the embedded virtual bench exists only during a run. {hint}")
     profile = drive_profile(FileAt(find_profile(bench.drive.profile, path)))
     can, drive = can_config(bench), drive_config(bench, profile)
     with alone_on(bench.bench.name, can):
@@ -151,7 +153,7 @@ def compare(bench_name: str, *, as_json: bool) -> int:
 def _say_compared(compared: list[Compared], missing: list[str]) -> None:
     for one in compared:
         hint = f"; {one.next_step}" if one.next_step else ""
-        typer.echo(f"{one.outcome:15} {one.place}  {one.meaning}: found {one.found}, wanted {one.wanted}{hint}")
+        typer.echo(f"{one.outcome:15} {one.place}  {one.meaning}: found {one.found}, expected {one.wanted}{hint}")
     for text in missing:
         typer.echo(text)
     counts = {

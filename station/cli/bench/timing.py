@@ -81,7 +81,7 @@ def lost_records(report: TimingReport) -> str:
     if records.problem:
         return records.problem
     missing = report.scans - records.checked
-    return f"{missing} of {report.scans} records never came out of the ring" if missing else ""
+    return f"{missing} of {report.scans} records were lost in the record buffer" if missing else ""
 
 
 def explain(report: TimingReport) -> list[str]:
@@ -95,14 +95,14 @@ def explain(report: TimingReport) -> list[str]:
         "The amplifier stamps its samples, so a late scan does not distort the curve; it adds to the reaction time.",
     ]
     if report.missed == 0:
-        told.append(f"No period was missed in {report.periods}.")
+        told.append(f"None of {report.periods} scan periods was missed.")
     else:
         causes = [gap.before.cause for gap in report.gaps]
         most = max(dict.fromkeys(causes), key=causes.count)
         share = report.missed / report.periods
         told.append(
-            f"{report.missed} of {report.periods} periods were missed ({share:.3%}; recipes allow about 0.1 %). "
-            f"Most frequent cause, {causes.count(most)} of {len(causes)} gaps: {CAUSES[most]}.",
+            f"{report.missed} of {report.periods} scan periods were missed ({share:.3%}; recipes allow about 0.1 %). "
+            f"Most frequent cause, in {causes.count(most)} of {len(causes)} gaps: {CAUSES[most]}.",
         )
     every_ms = _rhythm_ms(report)
     if every_ms:
@@ -113,9 +113,11 @@ def explain(report: TimingReport) -> list[str]:
     if late.p999 > 0.5 * period_us:
         told.append("The wake-up latency is sometimes too long for this period: see the list of causes.")
     if used > 0.5:
-        told.append("More than half of the period is work: choose a longer period, or a faster processor.")
+        told.append(
+            "The scan itself takes more than half of the period: choose a longer period, or a faster processor."
+        )
     if report.embedded and report.missed:
-        told.append("The virtual bench uses the same processor; with a real bench the scan has it alone.")
+        told.append("The virtual bench uses the same processor. With a real bench, the scan has the processor alone.")
     return told
 
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from definitions.commissioning import STEP_BY_ID, STEPS
+from definitions.commissioning import STEP_BY_ID, STEPS, Step
 from drivers.can.bus import open_can
 from drivers.can.other_controller import refuse_other_controller
 from drivers.config import WireBenchConfig
@@ -108,7 +108,7 @@ def status(bench_name: str, *, as_json: bool) -> int:
         blocks += ["", Grid(("due again", "entry", "was", "is"), changes)]
     following = next((one for one in stands if one.state != "passed"), None)
     if following is not None:
-        blocks += ["", f"Next: lostmotion bench {following.step.id} --bench {bench.path}", f"  {following.step.needs}."]
+        blocks += ["", *_next(bench, following.step)]
     say(document, blocks, as_json=as_json)
     return NOT_PASSED if following is not None else 0
 
@@ -157,9 +157,10 @@ def registers(
     if part is None:
         may_begin(bench, "registers")
 
-    def begun() -> None:
+    def begun(least_nm: Mapping[str, float]) -> None:
         if part is None:
-            tell(f"Press on each torque sensor, one after the other. At most {seconds:g} s.")
+            each = ", ".join(f"{channel} by at least {by:g} N·m" for channel, by in least_nm.items())
+            tell(f"Press on each torque sensor, one after the other: {each}. At most {seconds:g} s.")
 
     def pressed(row: Row, value: float) -> None:
         tell(f"  {row.field} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
@@ -181,7 +182,7 @@ def registers(
         for row in seen.rows
     ]
     heads = [name.replace("_", " ") for name in FieldRow._fields]
-    blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7))]
+    blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7), folded=True)]
     more = SaidOfRegisters(rows, seen.moved)
     if part is not None:
         say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)
@@ -230,7 +231,7 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
             "yes" if one.acted else "no",
             "" if not one.acted else f"{one.seen_enabled_s * 1e3:.0f} to {one.after_s * 1e3:.0f} ms",
             "" if one.off_s is None else f"{one.off_s * 1e3:.0f} ms",
-            "none" if one.timeout_s is None else f"{one.timeout_s * 1e3:g} ms",
+            _timeout(trial.protection is None, one.timeout_s),
             f"0x{one.emcy_code:04X}" if one.emcy_code else "",
         )
         for trial, one in zip(trials.TRIALS, reactions, strict=True)
@@ -239,6 +240,13 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
     done = write_down(bench, "watchdogs", by, trials.judged(reactions), trials.figures(reactions))
     said = SaidOfWatchdogs([TrialSaid(reaction=one, state=one.state.name.lower()) for one in reactions])
     return end(bench, done, [Grid(heads, rows)], said, as_json=as_json)
+
+
+def _timeout(any_may_act: bool, seconds: float | None) -> str:  # noqa: FBT001 - which kind of trial
+    """Return the time-out of a trial: the one that is tried, or the longest of those that may act."""
+    if seconds is None:
+        return "none"
+    return f"{'at most ' if any_may_act else ''}{seconds * 1e3:g} ms"
 
 
 STALE_MS = 500
@@ -253,7 +261,7 @@ def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
     def look() -> str:
         by_hand.step()
         if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
-            return f"{wires.remote_io.where} is silent: emergency stop and guard are not known"
+            return f"{wires.remote_io.where} does not answer: emergency stop and guard are not known"
         if not device.replies:
             return ""
         opened = [name for name in names if not device.values[device.place(name)]]
@@ -284,12 +292,32 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], said: tuple[object,
     step = STEP_BY_ID[done.step]
     for finding in done.findings:
         blocks += ["", f"{'WRONG' if finding.refuses else 'note'}  {finding.what}", f"       {finding.cure}"]
+        named = [name for name in bench.profiles if f"profile {name}" in finding.cure]
+        blocks += [f"       Profile {name}: {bench.profiles[name].path}" for name in named]
     place = [one.id for one in STEPS].index(step.id)
     following = STEPS[place + 1] if done.passed and place + 1 < len(STEPS) else None
-    blocks += ["", f"{step.id}: {'passed' if done.passed else 'NOT PASSED'}. Protocol: {protocol_path(bench.path)}"]
+    passed = f"passed{_with_notes(done)}" if done.passed else "NOT PASSED"
+    blocks += ["", f"{step.id}: {passed}. Protocol: {protocol_path(bench.path)}"]
     if following is not None:
-        blocks += [f"Next: lostmotion bench {following.id} --bench {bench.path}", f"  {following.needs}."]
+        blocks += _next(bench, following)
     elif not done.passed:
-        blocks.append(f"Mend it, then: lostmotion bench status --bench {bench.path}")
+        blocks += [
+            "Correct this. Then see which step is due first; a change may make an earlier one due:",
+            f"  lostmotion bench status --bench {bench.path}",
+        ]
+    else:
+        blocks.append(f"That was the last step. Next: lostmotion run RECIPE --bench {bench.path} --serial SN")
     say(document, blocks, as_json=as_json)
     return 0 if done.passed else NOT_PASSED
+
+
+def _with_notes(done: StepDone) -> str:
+    """Say that there is something to read above, although the step has passed."""
+    notes = len(done.findings)
+    return f", with {notes} note{'s' if notes > 1 else ''} above" if notes else ""
+
+
+def _next(bench: OnWires, step: Step) -> list[Block]:
+    """Return the command of a step, with all that it needs, and what has to be there for it."""
+    recipe = " --recipe RECIPE" if step.by_recipe else ""
+    return [f"Next: lostmotion bench {step.id} --bench {bench.path}{recipe}", f"  {step.needs}."]

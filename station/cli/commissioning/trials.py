@@ -141,11 +141,14 @@ def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_j
     findings = []
     if share > MISSED_ALLOWED:
         what = f"{report.missed} of {report.periods} periods missed, {share:.2%}; {MISSED_ALLOWED:.1%} allowed."
-        findings.append(Finding(what=what, cure="Run: lostmotion doctor, then do this step again."))
+        findings.append(
+            Finding(what=what, cure="Run: lostmotion doctor. It says what holds the scan up and how to mend it.")
+        )
     late, work = report.lateness_us, report.work_us
     figures = (
         Figure(name="periods", value=report.periods),
         Figure(name="missed", value=report.missed),
+        Figure(name="missed, allowed", value=int(MISSED_ALLOWED * report.periods)),
         Figure(name="wake-up latency, 99 %", value=round(late.p99, 1), unit="µs"),
         Figure(name="work of a scan, 99 %", value=round(work.p99, 1), unit="µs"),
     )
@@ -158,7 +161,9 @@ def _run(bench: OnWires, recipe: str, plan: Plan, data: Path, by: str | None, *,
     refuse_records(data / FOLDER, "--data")
     tell = teller(as_json=as_json)
     gain = "" if plan.gain_per_s is None else f", gain {plan.gain_per_s:g} 1/s"
-    tell(f"small run: lock verified at {plan.proof:.0%}, then {plan.peak:.0%} of the rated torque{gain}")
+    tell(
+        f"test run with small torque: lock verified at {plan.proof:.0%}, then {plan.peak:.0%} of the rated torque{gain}"
+    )
     return try_out(bench, recipe, plan, data, by, tell)
 
 

@@ -112,12 +112,16 @@ def faults_matrix(
     only: Annotated[
         list[str] | None, typer.Argument(metavar="[NAME]...", help="Only rows whose name contains NAME.")
     ] = None,
-    html: Annotated[Path | None, typer.Option("--html", metavar="FILE", help="Write a page with traces.")] = None,
+    html: Annotated[
+        Path | None, typer.Option("--html", metavar="FILE", help="Write an HTML page with the traces.")
+    ] = None,
     page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the figures as Markdown.")] = None,
     workers: Annotated[
-        int, typer.Option("--workers", min=1, help="Number of parallel processes, in virtual time.")
+        int, typer.Option("--workers", min=1, help="Number of parallel processes. Not with --wires.")
     ] = 2,
-    wires: Annotated[bool, typer.Option("--wires", help="Use CAN and Modbus, each fault in one state.")] = False,
+    wires: Annotated[
+        bool, typer.Option("--wires", help="Inject over CAN and Modbus, each fault in one state only.")
+    ] = False,
     wall_clock: WallClockOption = False,
     data: FaultDataOption = None,
     as_json: JsonOption = False,

@@ -102,6 +102,20 @@ def gage(
     return say(document, [*blocks, *of_sides, *values.notes()], as_json=as_json)
 
 
+def judged_study(data: Path, ask: Ask, by: str, level: float = 0.95) -> tuple[GageDesign, GageStudy]:
+    """Return the study of stored runs on the side that judges, with the tolerance of their recipe.
+
+    Raises:
+        StationError, AnalysisError: `by` is none of `BY`, or the design is not complete.
+
+    """
+    if by not in BY:
+        raise StationError(f"--by: found {by!r}; allowed are {', '.join(BY)}")
+    sides = [_studied(_of_runs(one, by), one, None, level) for one in values_of_sides(data, ask)]
+    _, (design, _, anova, _), _ = worse_side(sides)
+    return design, anova
+
+
 Study = tuple[GageDesign, float | None, GageStudy, AverageRange]
 
 
@@ -139,7 +153,8 @@ def _of_listed(
     for row, name in enumerate(names, start=1):
         if name not in by_run:
             raise StationError(
-                f"{file}: row {row}, column run: found '{name:.60}'; no such run with a value of {stored.name}"
+                f"{file}: row {row}, column run: found '{name:.60}'; no stored run with this id has a value of "
+                f"{stored.name}. Correct the id"
             )
         rows.append(by_run[name])
     twice = next((name for name, count in Counter(one.run_id for one in rows).items() if count > 1), None)

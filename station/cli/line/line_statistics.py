@@ -169,7 +169,7 @@ def capability_of(
         f"expected beyond limits: {_share(one.outside_fraction)} of the units, if they are normally distributed",
     ]
     if not both:
-        blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk are of the side that has the limit")
+        blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk use the side that has the limit")
     document = CapabilityStudy(source=found.head(), level=level, subgroup=subgroup, found=one)
     return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
 
@@ -193,7 +193,7 @@ def _no_limit(found: Values) -> str:
         return f"a file has no limits; {give}"
     newest = found.stored.values[-1].run_id
     return (
-        f"the newest run, {newest}, has no limit on it in its recipe; {give}, or name a recipe that has a limit: "
+        f"the recipe of the newest run, {newest}, has no limit for this metric; {give}, or name another recipe: "
         "--recipe NAME"
     )
 

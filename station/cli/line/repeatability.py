@@ -122,7 +122,8 @@ def _same_unit(results: Sequence[Evaluation]) -> None:
             if _is(one) != _is(other) or len(results[0].metrics) != len(result.metrics):
                 raise StationError(
                     f"{_source(result)}: {metric_name(other)} where {results[0].run} has "
-                    f"{metric_name(one)}: evaluated by different definitions. Name one with --recipe, --preset or "
+                    f"{metric_name(one)}: the runs were evaluated by different definitions. Choose one with --recipe, "
+                    "--preset or "
                     "--metric",
                 )
 

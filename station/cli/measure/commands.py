@@ -82,7 +82,7 @@ def run(
     judged: Annotated[
         list[str] | None,
         typer.Option(
-            "--judged", metavar="SHA256", help="Refuse a recipe or bench file of another SHA-256; repeatable."
+            "--judged", metavar="SHA256", help="Allow only a recipe or bench file with this SHA-256; repeatable."
         ),
     ] = None,
     as_json: JsonOption = False,
@@ -161,7 +161,8 @@ def recover(
     by_signal: Annotated[
         bool,
         typer.Option(
-            "--by-signal", help="Without a terminal, as the station does it: SIGUSR1 answers yes, SIGINT leaves it."
+            "--by-signal",
+            help="Answer by signals instead of a terminal: SIGUSR1 is yes, SIGINT leaves the bench as it is.",
         ),
     ] = False,
     operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who recovers the bench.")] = None,
@@ -177,6 +178,31 @@ def recover(
     raise typer.Exit(
         command_recover.recover(bench, data, yes=yes, as_json=as_json, by_signal=by_signal, operator=operator)
     )
+
+
+def jog(
+    recipe: RecipeArgument,
+    bench: BenchOption = None,
+    data: DataOption = DEFAULT_DATA,
+    speed: Annotated[
+        float, typer.Option("--speed", metavar="SHARE", help="Share of the largest speed of a jog, up to 1.")
+    ] = 1.0,
+    unit: UnitOption = None,
+    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who jogs.")] = None,
+    by_lines: Annotated[
+        bool,
+        typer.Option("--by-lines", help="Without a terminal, as the station does it: keys are lines of the input."),
+    ] = False,
+) -> None:
+    """Jog: turn the shaft slowly while a key is held and the enabling device is pressed.
+
+    Hold + or - to turn, q ends it. The recipe says which unit is on the bench. Nothing is measured.
+    On the virtual bench e presses the enabling device, r releases it.
+    Exit code: 0 ended with the drive off, 2 bad input, 4 bench fault.
+    """
+    from station.cli.measure import jog as command_jog
+
+    raise typer.Exit(command_jog.jog(recipe, bench, data, speed=speed, operator=operator, unit=unit, by_lines=by_lines))
 
 
 def conclude(

@@ -36,7 +36,7 @@ DO = {
     "FAIL": f"Put the unit into the NOK box and scan its code, or type {NOK}.",
     "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and say why.",
 }
-ELSE = "The bench needs the technician."
+ELSE = "Call the technician to the bench."
 READ_BYTES = 4096
 
 Run = Callable[[Sequence[str]], int]
@@ -171,7 +171,7 @@ def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[
     try:
         data.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another") from error
+        raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another folder") from error
     scans, table = Scans(sys.stdin.fileno()), load_models(data, models)
     with closing(NextRun(own_session=False)) as next_run:
         run = partial(_ran, next_run, extra)

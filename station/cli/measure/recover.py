@@ -82,7 +82,9 @@ def recover(
     content, layout = samples_bytes(run), run.layout()
     table = sound_table(content, layout)
     if not len(table):
-        raise StationError(f"{run.id}: has no readable records, so the state of the bench is not known")
+        raise StationError(
+            f"{run.id}: has no readable records, so the state of the bench is not known. Treat the unit as wound up"
+        )
     result, doubts = result_and_doubts(run)
     as_it_was_left = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not doubts
     told = result.left if as_it_was_left else None

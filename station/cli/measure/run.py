@@ -291,7 +291,9 @@ def _serial(options: Options, job: Job) -> str:
         return options.serial
     if job.bench.bench.embedded or options.virtual_time:
         return UNNAMED
-    raise StationError(f"--serial is missing: scan the unit's label (bench {job.bench.bench.name} is a real one)")
+    raise StationError(
+        "--serial is missing: scan the unit's label, or give --serial SN (the embedded bench needs none)"
+    )
 
 
 def _unit(options: Options, job: Job) -> VirtualUnit | None:

@@ -33,12 +33,12 @@ BenchFilter = Annotated[
 ]
 SinceOption = Annotated[
     str | None,
-    typer.Option("--since", metavar="DATE", help="Only runs from then on: 2026-01-31 or 2026-01-31T08:00."),
+    typer.Option("--since", metavar="DATE", help="Only runs from this time on: 2026-01-31 or 2026-01-31T08:00."),
 ]
-UntilOption = Annotated[str | None, typer.Option("--until", metavar="DATE", help="Only runs before then, as --since.")]
-VirtualOption = Annotated[
-    bool, typer.Option("--virtual", help="Units of the virtual bench. Default: real units, never both together.")
+UntilOption = Annotated[
+    str | None, typer.Option("--until", metavar="DATE", help="Only runs before this time, written as for --since.")
 ]
+VirtualOption = Annotated[bool, typer.Option("--virtual", help="Units of the virtual bench instead of real units.")]
 NewestOption = Annotated[
     int, typer.Option("--newest", metavar="N", min=3, help="Number of newest first attempts to use.")
 ]
@@ -104,7 +104,7 @@ def pareto(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """What hindered a lot, commonest first: metrics that failed by side, alarms, reasons of NOT DECIDABLE."""
+    """Causes of lost yield in a lot, most frequent first: failed metrics by side, alarms, reasons of NOT DECIDABLE."""
     from station.cli.quality import quality
 
     raise typer.Exit(quality.print_causes(data, _lot(recipe, model, bench, since, until, virtual), as_json=as_json))
@@ -128,7 +128,7 @@ def capability(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Cp, Cpk, Pp and Ppk of every metric with a limit, over the side that judges, with confidence intervals."""
+    """Cp, Cpk, Pp and Ppk of every metric with a limit, for its worse side, with confidence intervals."""
     from station.cli.quality import quality
 
     lot = _lot(recipe, model, bench, since, until, virtual, newest)
@@ -301,7 +301,9 @@ def report(
     out: Annotated[Path, typer.Option("--out", metavar="DIR", help="Folder to write to.")],
     loops: Annotated[
         int,
-        typer.Option("--loops", metavar="N", min=0, max=1000, help="Newest loops to draw; each is evaluated again."),
+        typer.Option(
+            "--loops", metavar="N", min=0, max=1000, help="Number of newest loops to draw; each is evaluated again."
+        ),
     ] = 30,
     locale: Annotated[
         str,
@@ -322,3 +324,64 @@ def report(
 
     lot = _lot(recipe, model, bench, since, until, virtual, newest)
     raise typer.Exit(batch.write_report(data, lot, out, loops, locale, as_json=as_json))
+
+
+@quality_app.command()
+def validation(
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="DIR", help="New folder to write the pack to.", show_default=False)
+    ] = None,
+    bench: Annotated[
+        str | None, typer.Option("--bench", metavar="FILE", help="Bench file of the bench, or a shipped bench.")
+    ] = None,
+    tests: Annotated[
+        list[Path] | None,
+        typer.Option("--tests", metavar="XML", help="Report of the tests, by 'pytest --junitxml'; repeatable."),
+    ] = None,
+    self_test: Annotated[
+        bool,
+        typer.Option("--self-test", help="Measure virtual units of known verdict, and replay them: some minutes."),
+    ] = False,
+    type1: Annotated[
+        list[str] | None,
+        typer.Option("--type1", metavar="SN:ID:X", help="Part, metric and known value of a type 1 study; repeatable."),
+    ] = None,
+    gage: Annotated[
+        list[str] | None,
+        typer.Option("--gage", metavar="ID", help="Metric of a gage study of the stored runs; repeatable."),
+    ] = None,
+    by: Annotated[
+        str, typer.Option("--by", metavar="WHAT", help="What stands for the operator there: day, bench or operator.")
+    ] = "operator",
+    evidence: Annotated[
+        list[Path] | None,
+        typer.Option("--evidence", metavar="FILE", help="File for a person to read, kept in the pack; repeatable."),
+    ] = None,
+    recipe: RecipeFilter = None,
+    since: SinceOption = None,
+    until: UntilOption = None,
+    virtual: VirtualOption = False,
+    check: Annotated[
+        Path | None,
+        typer.Option("--check", metavar="DIR", help="Make nothing: check that a pack is as it was made."),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Validation pack for a customer's auditor: installation, operation, performance, filled from this installation.
+
+    Exit code: 0 when everything is met, 1 when something is not met or open, 2 bad input.
+    """
+    from station.cli.quality import validation as command
+    from station.errors import StationError
+    from station.quality.validation.performance import known_part
+
+    if check is not None:
+        raise typer.Exit(command.check(check, as_json=as_json))
+    if out is None:
+        raise StationError("quality validation: found no --out; name a new folder to write the pack to")
+    parts = tuple(known_part(one) for one in type1 or ())
+    lot = _lot(recipe, None, None, since, until, virtual)
+    files = tuple(tests or ()), tuple(evidence or ())
+    wanted = command.Wanted(bench, *files, parts, tuple(gage or ()), by, lot, self_test)
+    raise typer.Exit(command.make(data, out, wanted, as_json=as_json))

@@ -123,7 +123,7 @@ def print_capability(
     notes += _meanings((one.metric.name, one.other_meanings) for one in found.rows)
     many = max((one.found.values for one in found.rows if one.found is not None), default=0)
     notes += [f"of the newest {many} first attempts; more with --newest N"] if many == lot.newest else []
-    notes.append("other side: its Ppk; the side with the smaller one judges")
+    notes.append("other side: Ppk of the other side; the side with the smaller Ppk counts")
     return say(found, [Grid(heads, rows, right=tuple(range(3, 12))), *notes], as_json=as_json)
 
 
@@ -192,7 +192,7 @@ def print_chart(data: Path, lot: Lot, asked: ChartAsked, *, as_json: bool) -> in
 def _false_alarms(hourly: float, units_per_hour: float) -> str:
     """Return what the rules cost: a line has several metrics, and the false alarms of their charts add up."""
     each = f"one chart: a false alarm every {1.0 / hourly:.3g} h at {units_per_hour:g} units an hour"
-    return f"{each}; {SEVERAL} charts: every {1.0 / (SEVERAL * hourly):.2g} h"
+    return f"{each}; {SEVERAL} charts together: every {1.0 / (SEVERAL * hourly):.2g} h"
 
 
 def run_length_text(one: RunLength) -> str:
@@ -223,8 +223,9 @@ def print_trend(  # noqa: PLR0917 - what is asked for
         Grid((by, "n", "mean", f"{level:.0%} interval", "standard deviation", ""), rows, right=(1, 2, 3, 4)),
     ]
     blocks.append(
-        f"within a {by} {figure(one.sd_within, unit, 3)}, between them {figure(one.sd_between, unit, 3)} "
-        f"({percent(one.share_between)} of the variance); p of no difference {one.p_same:.2g}"
+        f"standard deviation within one {by} {figure(one.sd_within, unit, 3)}, between them "
+        f"{figure(one.sd_between, unit, 3)} "
+        f"({percent(one.share_between)} of the variance); p-value of no difference {one.p_same:.2g}"
     )
     notes += _meanings([(found.metric.name, found.other_meanings)])
     return say(found, [*blocks, *notes], as_json=as_json)
@@ -279,7 +280,10 @@ def print_trial(data: Path, lot: Lot, tried: Tried, person: str | None, *, as_js
     if known:
         heads = ("side", "", "beyond the limits", "accepted wrongly (PFA)", "rejected wrongly (PFR)", "NOT DECIDABLE")
         blocks.append(Grid(heads, [row for one in known for row in _risk_rows(one)], right=(2, 3, 4, 5)))
-        notes.append(f"risks: of a normal process, its spread that of the values less u; u is {_us(known)} {unit}")
+        notes.append(
+            f"risks: for a normal process with the spread of the values, without the uncertainty u = {_us(known)} "
+            f"{unit}"
+        )
     blocks += [f"{one.before} → {one.after}  {one.run}" for one in found.flipped]
     blocks += [f"side {one.side}: no risks: {one.why}" for one in found.risks if one.why]
     blocks += [] if saved is None else [f"saved as draft: {saved.title}, by {person}"]

@@ -42,7 +42,7 @@ def runs(
     ] = None,
     since: Annotated[
         str | None,
-        typer.Option("--since", metavar="DATE", help="Only runs from then on, as 2026-01-31 or with a time."),
+        typer.Option("--since", metavar="DATE", help="Only runs from this time on: 2026-01-31 or 2026-01-31T08:00."),
     ] = None,
     as_csv: Annotated[bool, typer.Option("--csv", help="All columns, as CSV on standard output.")] = False,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the CSV to a file.")] = None,
@@ -189,9 +189,11 @@ def verify(
     bench: Annotated[
         str | None, typer.Option("--bench", metavar="FILE", help="Bench file that contains the public key.")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", help="Compare the size of the samples, not their bytes.")] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Faster: compare only the size of the sample files, not their content.")
+    ] = False,
     code: Annotated[
-        str | None, typer.Option("--code", metavar="TEXT", help="Check one certificate by its code instead.")
+        str | None, typer.Option("--code", metavar="TEXT", help="Check a certificate by its code, instead of runs.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -33,7 +33,7 @@ SAME, DIFFERS, BAD, UNDECIDED = 0, 1, 2, EXIT_CODES[NOT_DECIDABLE]
 FIRST_DECISIONS = 1
 """Version of the controller's decisions of runs that do not name it: it was not kept yet."""
 
-NOT_ASKED = "effects of another recipe are not computed for"
+NOT_ASKED = "effects of another recipe cannot be computed for"
 NOT_ASKED_OF = {DIFFERS: "a replay that differs", BAD: "a damaged record", EXIT_ALTERED: "an altered record"}
 
 

@@ -16,6 +16,7 @@ from station.records.certificate_code import GENUINE, check_code
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
 from station.records.verify import Verified, verify_folder
+from station.run.jog.jogs import FOLDER as JOGS
 from station.run.way_back.recoveries import FOLDER as RECOVERIES
 
 EXIT_PROBLEMS = 1
@@ -24,7 +25,7 @@ MOST_OF_A_KIND = 20
 
 
 def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_json: bool) -> int:
-    """Check chain, signatures and every file of a data folder and of its recoveries; 0 passed, 1 not.
+    """Check chain, signatures and every file of a data folder, of its recoveries and jogs; 0 passed, 1 not.
 
     Raises:
         StationError, RecipeError: no such folder, or a key that is none.
@@ -33,12 +34,12 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     named = tuple(check_public_key(key, "--key") for key in keys) + _key_of(bench)
-    folders = [data, *([data / RECOVERIES] if (data / RECOVERIES).is_dir() else [])]
+    below = {name: data / name for name in (RECOVERIES, JOGS) if (data / name).is_dir()}
+    folders = [data, *below.values()]
     found = {folder: verify_folder(folder, named, samples=samples) for folder in folders}
     if as_json:
-        whole = _checked(data, found[data])
-        if len(folders) > 1:
-            whole = replace(whole, recoveries=_checked(folders[1], found[folders[1]]))
+        checked = {name: _checked(folder, found[folder]) for name, folder in below.items()}
+        whole = replace(_checked(data, found[data]), recoveries=checked.get(RECOVERIES), jogs=checked.get(JOGS))
         sys.stdout.write(json.dumps(plain(whole), ensure_ascii=False) + "\n")
     else:
         for folder, one in found.items():
@@ -105,6 +106,7 @@ class CheckedFolder:
     warning: str | None
     problems: tuple[Mapping[str, str], ...]
     recoveries: CheckedFolder | None = left_out()
+    jogs: CheckedFolder | None = left_out()
 
 
 def _checked(folder: Path, one: Verified) -> CheckedFolder:

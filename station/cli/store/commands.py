@@ -18,7 +18,7 @@ store_app = typer.Typer(
 
 
 retention_app = typer.Typer(
-    help="Removal of old records by rules. A removed run has its signed line, and is not missing.",
+    help="Removal of old records by rules. A removed run keeps a signed entry and does not count as missing.",
     no_args_is_help=True,
 )
 RulesOption = Annotated[
@@ -28,7 +28,7 @@ RulesOption = Annotated[
 
 @retention_app.command("plan")
 def retention_plan(rules: RulesOption = None, data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Print the runs whose days are over, and why some of them would stay. Nothing is removed."""
+    """Print the runs whose retention time is over, and why some of them would be kept. Nothing is removed."""
     from station.cli.store import retention as command_retention
 
     raise typer.Exit(command_retention.plan_retention(data, rules, as_json=as_json))
@@ -36,13 +36,13 @@ def retention_plan(rules: RulesOption = None, data: DataOption = DEFAULT_DATA, a
 
 @retention_app.command("apply")
 def retention_apply(
-    backup: Annotated[Path, typer.Option("--backup", metavar="FILE", help="Backup that holds what is removed.")],
+    backup: Annotated[Path, typer.Option("--backup", metavar="FILE", help="Backup that contains the runs to remove.")],
     operator: Annotated[str, typer.Option("--operator", metavar="NAME", help="Who removes the records.")],
     rules: RulesOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Remove the runs whose days are over and that a backup holds. Exit code: 0, 1 some stay, 2 bad input."""
+    """Remove the runs whose retention time is over and that are in a backup. Exit code: 0, 1 some kept, 2 bad input."""
     from station.cli.store import retention as command_retention
 
     raise typer.Exit(command_retention.apply_retention(data, rules, backup, operator, as_json=as_json))
@@ -65,7 +65,7 @@ def state(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
 
 
 def backup(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="File to make, as on another disk.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Backup file to write, best on another disk.")],
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
@@ -79,7 +79,7 @@ def backup(
 
 
 def restore(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Backup to take.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Backup to restore.")],
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:

@@ -113,7 +113,7 @@ def _band_and_period(asked: Asked, source: Source) -> tuple[tuple[float, float],
     if source.sweep is None:
         if asked.band is None:
             raise StationError(
-                f"{source.name}: found no torque_sweep, whose band would be known; name the band of the chirp with "
+                f"{source.name}: found no step torque_sweep, so the band is not known; name the band of the chirp with "
                 "--band LOW:HIGH"
             )
         return band_of(asked.band), asked.period_s
@@ -135,13 +135,16 @@ def _swept_rows(source: Source) -> slice:
     """
     trace = source.trace
     if source.sweep is None or trace.segment is None:
-        raise StationError(f"{source.name}: the record does not say which samples belong to the sweep")
+        raise StationError(
+            f"{source.name}: the record does not say which samples belong to the sweep. Name another run"
+        )
     sweep, _ = source.sweep
     swept = [key for key, info in trace.segments.items() if info.role == "sweep"]
     rows = np.flatnonzero(np.isin(trace.segment, swept))
     if abs(rows.size - sweep.scans) > 1:
         raise StationError(
-            f"{source.name}: the sweep has {rows.size} samples, {sweep.scans} were planned: it was held up, stopped, "
+            f"{source.name}: the sweep has {rows.size} samples, {sweep.scans} were planned: the sweep was held up or "
+            "stopped, "
             "or samples are missing. Measure again"
         )
     return slice(int(rows[0]), int(rows[0]) + sweep.scans - sweep.period_scans)

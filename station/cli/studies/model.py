@@ -252,7 +252,8 @@ def _blocks(source: Source, kind: str, found: Identified) -> list[str | Grid]:
         blocks.append(f"correlations above {SHOWN_CORRELATION:g} (refused above {MOST_CORRELATION:g}): {pairs}")
     if refused and kind != "maxwell-slip":
         blocks.append(
-            "Not exportable as it is: give a known value with --fix NAME=VALUE, or load the unit to a higher torque"
+            "This model cannot be exported: give a known value with --fix NAME=VALUE, or load the unit to a higher "
+            "torque"
         )
     return blocks
 

@@ -264,11 +264,11 @@ def housing_temperature_c(run: RunRecord) -> float:
     """Return the mean temperature of the housing while the run measured [°C]; StationError when there is none."""
     state, temperature = channel_values(run, [("orders", "state"), ("image", "housing_temp_c")])
     if not state.size:
-        raise StationError(f"{run.id}: the run has no records")
+        raise StationError(f"{run.id}: the run has no records. Name another run")
     step = max(1, state.size // LOOKED_AT)
     values = temperature[::step][np.isin(state[::step], sorted(LOADED))]
     if not values.size or not np.isfinite(values).all():
-        raise StationError(f"{run.id}: the run has no temperature of the housing while it measured")
+        raise StationError(f"{run.id}: no housing temperature was measured during the run. Name another run")
     return float(values.mean())
 
 
@@ -277,5 +277,5 @@ def lock_position_deg(run: RunRecord) -> float:
     locked_output = StoredProgram.of(run).loading_input
     (zero,) = channel_values(run, [("orders", "angle_out_zero_rad" if locked_output else "angle_in_zero_rad")])
     if not zero.size:
-        raise StationError(f"{run.id}: the run has no records")
+        raise StationError(f"{run.id}: the run has no records. Name another run")
     return math.degrees(float(zero[-1]))

@@ -23,6 +23,8 @@ from station.errors import StationError
 if TYPE_CHECKING:
     from pydantic import JsonValue
 
+    from station.records.recipe_revisions import Revision
+
 recipes_app = typer.Typer(help="Recipes with their revisions: drafts, and their release by a second person.",
                           no_args_is_help=True)  # fmt: skip
 users_app = typer.Typer(help="Accounts, passwords and badges of the station.", no_args_is_help=True)
@@ -48,6 +50,31 @@ def recipes_list(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
         sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
+@recipes_app.command("show")
+def recipes_show(
+    name: RecipeName,
+    revision: Annotated[
+        int | None,
+        typer.Argument(
+            metavar="[REVISION]", min=1, show_default=False, help="Its revision. Default: the newest released."
+        ),
+    ] = None,
+    data: DataOption = DEFAULT_DATA,
+) -> None:
+    """Print the text of a recipe as it was saved, to be copied and changed."""
+    from station.records.recipe_revisions import History
+
+    history = History(data)
+    found = history.newest_released(name) if revision is None else history.find(name, revision)
+    if found is None:
+        raise StationError(_no_recipe(name, revision, history.all()))
+    for problem in history.problems:
+        sys.stderr.write(f"{problem}\n")
+    by = f" by {found.released_by}" if found.released_by else ""
+    sys.stderr.write(f"# {found.title}, {found.state.value}{by}\n")
+    sys.stdout.buffer.write(found.text())
+
+
 @recipes_app.command("save")
 def recipes_save(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Recipe file.")],
@@ -62,7 +89,7 @@ def recipes_save(
 
 @recipes_app.command("ask")
 def recipes_ask(name: RecipeName, revision: RevisionArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
-    """Ask that a draft be released."""
+    """Ask for the release of a draft."""
     _done(data, who, "ask_release", _as_read(data, name, revision))
 
 
@@ -102,7 +129,7 @@ def users_add(
 
 @users_app.command("reset")
 def users_reset(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
-    """Open an account again with a first password, whatever closed or locked it."""
+    """Reopen a closed or locked account with a new first password."""
     _done(data, who, "reset_person", {"name": name}, password=f"first password of {name}")
 
 
@@ -114,7 +141,7 @@ def users_disable(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT
 
 @users_app.command("badge")
 def users_badge(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
-    """Give a person a badge: its number is scanned or typed, and a PIN of 4 to 12 digits."""
+    """Give a person a badge: its number is scanned or typed. It also needs a PIN of 4 to 12 digits."""
     _done(data, who, "assign_badge", {"name": name}, badge="badge", pin="PIN")
 
 
@@ -128,6 +155,21 @@ def users_withdraw(name: NameArgument, who: WhoOption, data: DataOption = DEFAUL
 def users_password(who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Change your own password."""
     _done(data, who, "change_password", {}, old_password="", new_password="new password")  # noqa: S106 - questions
+
+
+def _no_recipe(name: str, revision: int | None, there: list[Revision]) -> str:
+    """Return why there is nothing to show, with the revisions or the name that may have been meant."""
+    from recipes.text.problems import nearest, one_of
+
+    own = [one for one in there if one.name == name]
+    if own:
+        found = "none of it is released" if revision is None else f"there is no revision {revision}"
+        has = ", ".join(f"r{one.revision} ({one.state.value})" for one in own)
+        return f"{name}: {found}; there is {has}. Name one of these: lostmotion recipes show {name} {own[0].revision}"
+    names = list(dict.fromkeys(one.name for one in there))
+    meant = nearest(name, names)
+    hint = f"Did you mean '{meant}'?" if meant else "'lostmotion recipes list' shows all"
+    return f"{name}: no recipe of this name; allowed: {one_of(names)}. {hint}"
 
 
 def _as_read(data: Path, name: str, revision: int) -> dict[str, JsonValue]:

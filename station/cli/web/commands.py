@@ -41,9 +41,7 @@ def serve(
     ] = False,
     install_unit: Annotated[
         Path | None,
-        typer.Option(
-            "--install-unit", metavar="DIR", help="Serve nothing: write the units of systemd for these options."
-        ),
+        typer.Option("--install-unit", metavar="DIR", help="Do not serve: write systemd units for these options."),
     ] = None,
 ) -> None:
     """Serve the station: the operator's page and the REST interface. Runs go on without it."""
@@ -115,5 +113,5 @@ def _database_of(data: Path) -> StationDatabase:
     from station.web.people.database import FILE, StationDatabase
 
     if not (data / FILE).is_file():
-        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another --data")
+        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another folder with --data")
     return StationDatabase(data)

@@ -70,7 +70,7 @@ def dfq_of_run(production: Production, run: str, program: str) -> Written:
     asked = select(RUNS.c.run).where(RUNS.c.chain == production.chain.id, RUNS.c.run == run)
     asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.altered == "", production.trusted())
     if production.connection.execute(asked).scalar() is None:
-        raise StationError(f"{run}: not in the store as a complete, unaltered run: it has no values to hand over")
+        raise StationError(f"{run}: not in the store as a complete, unaltered run: it has no values to export")
     return _file(production, [run], metrics_of_run(production, run), program)
 
 

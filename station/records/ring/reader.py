@@ -130,6 +130,8 @@ class RingReader(MappedRing):
         words = self._words
         count = words[W_COMMANDS_WRITTEN]
         if count - words[W_COMMANDS_TAKEN] >= MAILBOX_SLOTS:
-            raise RingError("the scan process no longer accepts commands")
+            raise RingError(
+                "the scan process no longer accepts commands. Press the emergency stop if the shaft is under torque"
+            )
         words[W_SLOTS + count % MAILBOX_SLOTS] = int(command)
         words[W_COMMANDS_WRITTEN] = count + 1

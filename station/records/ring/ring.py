@@ -137,10 +137,10 @@ class MappedRing:
                 flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
                 self._memory = mmap.mmap(file.fileno(), 0, flags=flags)
         except (OSError, ValueError) as error:
-            raise RingError(f"{path}: cannot be mapped: {error}") from error
+            raise RingError(f"{path}: the record buffer cannot be opened: {error}") from error
         if len(self._memory) < HEADER_BYTES or len(self._memory) % WORD_BYTES:
             self._memory.close()
-            raise RingError(f"{path}: is not the ring buffer of a run: it has {path.stat().st_size} bytes")
+            raise RingError(f"{path}: is not the record buffer of a run: it has {path.stat().st_size} bytes")
         self._bytes = memoryview(self._memory)
         self._words = self._bytes.cast("Q")
         words = self._words
@@ -149,7 +149,7 @@ class MappedRing:
         whole = len(self._bytes) == HEADER_BYTES + self.capacity * RECORD_BYTES and self.capacity > 0
         if found != (MAGIC, VERSION, RECORD_BYTES) or not whole:
             self.close()
-            raise RingError(f"{path}: is not a ring of this version of the program (found {found})")
+            raise RingError(f"{path}: is not a record buffer of this version of the program (found {found})")
 
     def close(self) -> None:
         """Unmap the file; the file itself stays."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from station.documents.entries import Plain
+from station.documents.reading import NEXT_STEP
 from station.errors import RecordError
 from station.records.samples.scan_record import CHECK_FIELD, FIELDS_IN_ORDER, HEADER_FIELDS
 from station.records.samples.value_names import CODED, Coded
@@ -140,7 +141,7 @@ def layout_in(said: Any, where: Path) -> Layout:
 
     """
     if not isinstance(said, dict):
-        raise RecordError(f"{where}: is damaged: it does not describe a record")
+        raise RecordError(f"{where}: is damaged: it does not describe a record. {NEXT_STEP}")
     number = said.get("format", 1)
     if not isinstance(number, int) or number not in FORMATS:
         raise RecordError(
@@ -149,39 +150,42 @@ def layout_in(said: Any, where: Path) -> Layout:
         )
     order, size, rows = said.get("byte_order"), said.get("record_bytes"), said.get("fields")
     if order != "little":
-        raise RecordError(f"{where}: is damaged: byte_order: found {order!r}; allowed: 'little'")
+        raise RecordError(f"{where}: is damaged: byte_order: found {order!r}; allowed: 'little'. {NEXT_STEP}")
     if not isinstance(size, int) or not 0 < size <= MOST_BYTES:
-        raise RecordError(f"{where}: is damaged: record_bytes: found {size!r}; allowed: 1 to {MOST_BYTES}")
+        raise RecordError(f"{where}: is damaged: record_bytes: found {size!r}; allowed: 1 to {MOST_BYTES}. {NEXT_STEP}")
     if not isinstance(rows, list):
-        raise RecordError(f"{where}: is damaged: fields: found no list of channels")
+        raise RecordError(f"{where}: is damaged: fields: found no list of channels. {NEXT_STEP}")
     channels = tuple(_channel(row, f"{where}: is damaged: fields[{number}]") for number, row in enumerate(rows))
     problem = _disorder(channels, size)
     if problem:
-        raise RecordError(f"{where}: is damaged: {problem}")
+        raise RecordError(f"{where}: is damaged: {problem}. {NEXT_STEP}")
     return Layout(channels, size)
 
 
 def _channel(row: Any, place: str) -> Channel:
     if not isinstance(row, dict):
-        raise RecordError(f"{place}: found {row!r}; expected the description of a channel")
+        raise RecordError(f"{place}: found {row!r}; expected the description of a channel. {NEXT_STEP}")
     texts = [row.get(key) for key in ("group", "name", "format", "unit", "meaning")]
     if not all(isinstance(text, str) for text in texts):
         raise RecordError(
-            f"{place}: group, name, format, unit and meaning: found {texts}; expected a text for each of them"
+            f"{place}: group, name, format, unit and meaning: found {texts}; expected a text for each of them. "
+            f"{NEXT_STEP}"
         )
     group, name, letter, unit, meaning = map(str, texts)
     offset = row.get("offset")
     if group not in GROUPS or letter not in NUMPY_TYPES or not name.isidentifier():
         raise RecordError(
             f"{place}: found {group}.{name} with format {letter!r}; allowed: groups {', '.join(GROUPS)}, "
-            f"formats {' '.join(NUMPY_TYPES)}"
+            f"formats {' '.join(NUMPY_TYPES)}. {NEXT_STEP}"
         )
     if not isinstance(offset, int) or isinstance(offset, bool) or offset < 0:
-        raise RecordError(f"{place}: offset: found {offset!r}; expected a number of bytes, 0 or more")
+        raise RecordError(f"{place}: offset: found {offset!r}; expected a number of bytes, 0 or more. {NEXT_STEP}")
     try:
         coded = Coded(*({int(n): str(text) for n, text in (row.get(key) or {}).items()} for key in ("values", "bits")))
     except (AttributeError, TypeError, ValueError) as error:
-        raise RecordError(f"{place}: values and bits must be names by number, such as '1': 'ready': {error}") from error
+        raise RecordError(
+            f"{place}: values and bits must be names by number, such as '1': 'ready': {error}. {NEXT_STEP}"
+        ) from error
     return Channel(group, offset, name, letter, unit, meaning, coded)
 
 

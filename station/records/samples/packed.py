@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from station.documents.reading import NEXT_STEP
 from station.errors import RecordError
 from station.records.samples.check import checksums
 from station.records.samples.layout import Channel, Layout
@@ -146,8 +147,8 @@ def _checked(found: Any, channels: Sequence[Channel], place: Path) -> list[npt.N
         array = column.to_numpy()
         if column.null_count or array.dtype != np.dtype(channel.dtype):
             raise RecordError(
-                f"{place}: is damaged: column {column_name(channel)} is {column.type}, "
-                f"{channel.format} is in the description"
+                f"{place}: is damaged: column {column_name(channel)} is {column.type}; expected "
+                f"{channel.format}, as in the description. {NEXT_STEP}"
             )
         arrays.append(array)
     return arrays

@@ -50,7 +50,7 @@ def evaluation_parts(result: Result, content: Content, pictures: dict[str, bytes
         parts += [KeepTogether([title, grid(LINE_HEADS, content.lines, (26, 20, 18, 14, 14, 18, 14, 12, 13))])]
     if "residuals.png" in pictures:
         parts += [Spacer(1, 6), picture(pictures["residuals.png"])]
-    return [*heading("How it was evaluated", parts[0]), *parts] if parts else []
+    return [*heading("How the run was evaluated", parts[0]), *parts] if parts else []
 
 
 def timing_parts(result: Result, run: Manifest, content: Content, pictures: dict[str, bytes]) -> list[Any]:
@@ -81,7 +81,7 @@ def _timing_tables(found: TimingTables) -> list[Any]:
         table = _numbers(MISSED_HEADS, found.missed, (19, 18, 14, 37, 15, 14, 14, 14, 14), {3})
         more = [paragraph(found.more, "soft")] if found.more else []
         parts.append(
-            KeepTogether([paragraph("Missed periods, and the scan before them, in µs", "subhead"), table, *more])
+            KeepTogether([paragraph("Missed scan periods, and the scan before each, in µs", "subhead"), table, *more])
         )
     if found.scans:
         table = _numbers(SCAN_HEADS, found.scans, (17, 16, 18, 37, 15, 14, 14, 14, 14), {0, 3})
@@ -123,7 +123,7 @@ def provenance_parts(result: Result, run: Manifest, content: Content, conditions
     if content.checksums:
         sums = [(name, paragraph(size, "right"), paragraph(sha, "mono")) for name, size, sha in content.checksums]
         table = grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))
-        parts += [*heading("To check it again", table), table]
+        parts += [*heading("Files for checking this run again", table), table]
         word = "analyze" if result.metrics else "show"
         parts.append(paragraph(f"lostmotion {word} {result.run} reads these files again.", "soft"))
     return parts

@@ -33,7 +33,7 @@ SUPERVISOR_DIED = "the supervisor process ended during the run; the scan process
 TAKEN_OVER = "the supervisor process ended during the run; a new one took over, with {} records on disk"
 BOTH_DIED = "supervisor and scan process ended during the run"
 UNCOUNTED = (
-    "the number of records that the scan process wrote is not known: its ring buffer was removed and its report has "
+    "the number of records that the scan process wrote is not known: its record buffer was removed and its report has "
     "no count"
 )
 LOOK_EVERY_S = 0.02

@@ -115,7 +115,8 @@ def one_of(there: Sequence[Characteristic], name: str, branch: str | None = None
     if not found:
         raise StationError(f"--metric: found '{name:.60}'; the newest run of this lot has {names}")
     raise StationError(
-        f"--metric: {name} is there {len(found)} times in a run: {names}. Choose with its words or --branch"
+        f"--metric: {name} is there {len(found)} times in a run: {names}. Choose one with --branch, or add its "
+        "options to the metric in quotes"
     )
 
 

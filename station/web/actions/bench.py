@@ -20,7 +20,7 @@ def begin_recovery(call: Call, _given: Nothing) -> RecoveryBegun:
     """Begin the way back after a fault; NotNowError: one is on, or there is no fault."""
     way_back, standing = call.station.bench.way_back, call.station.bench.standing()
     if standing.recovery or way_back.starting():
-        raise NotNowError([("recovery_on", "The way back is under way already.")])
+        raise NotNowError([("recovery_on", "The recovery is already in progress.")])
     if standing.fault is None or standing.released:
         why = standing.why_none or "The bench was recovered: the lock is open, and the unit can be taken out."
         raise NotNowError([("no_fault", why)])

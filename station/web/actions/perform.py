@@ -10,6 +10,7 @@ from threading import Lock
 from pydantic import JsonValue, ValidationError
 from sqlalchemy import Connection, delete, insert, select
 
+from station.documents.entries import Plain
 from station.errors import StationError
 from station.records.recipe_revisions import RevisionError
 from station.wall_clock import WALL_CLOCK
@@ -46,14 +47,44 @@ def perform(  # noqa: PLR0917 - one request, as it came
     station: Station, action_id: str, token: str | None, csrf: str | None, key: str | None, values: JsonValue
 ) -> Answer:
     """Do an action, or refuse it and say why; a key that was answered before is given the same answer."""
+    row = ACTIONS[action_id]
     try:
-        with _ONE_AT_A_TIME, station.database.writing() as connection:
-            session = session_of(connection, token)
-            if session is None:
-                return Answer(NOT_ENTERED, refusal("not_entered", "Log in first."))
-            return _performed(station, connection, session, ACTIONS[action_id], csrf, key, values)
+        with _ONE_AT_A_TIME:
+            note = _noted(station, row, token, csrf, values) if row.reaches_out else None
+            with station.database.writing() as connection:
+                audit.tell_cut_off(connection, but=note)
+                session = session_of(connection, token)
+                if session is None:
+                    answer = Answer(NOT_ENTERED, refusal("not_entered", "Log in first."))
+                else:
+                    answer = _performed(station, connection, session, row, csrf, key, values)
+                if note is not None:
+                    audit.end(connection, note)
+            return answer
     except StationError as error:  # its own database cannot be written: nothing was done
         return Answer(NOT_READY, refusal("station", str(error)))
+
+
+def _noted(station: Station, row: Action, token: str | None, csrf: str | None, values: JsonValue) -> int | None:
+    """Note that an action is done next; None where it will be refused, as that changes nothing."""
+    if not _is_text(values):
+        return None
+    with station.database.writing() as connection:
+        session = session_of(connection, token)
+        if session is None or not brings_token(session, csrf) or session.person.role not in row.roles:
+            return None
+        try:
+            given = row.needs.model_validate({} if values is None else values)
+        except ValidationError:
+            return None
+        return audit.begin(connection, session.person.name, row.id, _told(row, given))
+
+
+def _told(row: Action, given: Values) -> Plain:
+    """Return what stands in the audit trail of what an action is asked with; of a long text its hash."""
+    told: Plain = given.model_dump(include=set(row.audited))
+    text = getattr(given, "text", None)
+    return told if text is None else told | {"text_sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 
 def _performed(  # noqa: PLR0917 - as above
@@ -121,15 +152,25 @@ def _done(call: Call, row: Action, values: JsonValue) -> Answer:
     given = None
     try:
         given = row.needs.model_validate({} if values is None else values)
+        before = _seen(row, call, given)
         with connection.begin_nested():
             found = row.does(call, given)
     except (ValidationError, StationError) as error:
         if isinstance(error, EntryRefusedError):
             count_wrong(connection, person.name)
         return _refused(connection, session, row, *_why(error), given)
-    told = given.model_dump(include=set(row.audited)) | found.model_dump(include=set(row.tells))
+    told = _told(row, given) | found.model_dump(include=set(row.tells))
+    told |= {"before": before, "after": _seen(row, call, given)}
     audit.write(connection, person.name, row.id, audit.DONE, told)
     return Answer(OK, found.model_copy(update={"done": row.id}))
+
+
+def _seen(row: Action, call: Call, given: Values) -> Plain:
+    """Return what an action changes as it is now; a look that fails neither refuses what is asked nor undoes it."""
+    try:
+        return row.sees(call, given)
+    except StationError as error:
+        return {"not_seen": str(error)}
 
 
 _REFUSALS: tuple[tuple[type[StationError], int, str], ...] = (
@@ -158,7 +199,7 @@ def _refused(  # noqa: PLR0917 - one line of the trail
     connection: Connection, session: Session, row: Action, status: int, reasons: list[tuple[str, str]],
     given: Values | None = None,
 ) -> Answer:  # fmt: skip
-    told = {} if given is None else given.model_dump(include=set(row.audited))
+    told = {} if given is None else _told(row, given)
     audit.write(
         connection, session.person.name, row.id, audit.REFUSED, {**told, "reasons": [name for name, _ in reasons]}
     )

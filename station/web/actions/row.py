@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import Connection
 
+from station.documents.entries import Plain
 from station.errors import StationError
 from station.web.actions.values import Outcome, Reason, Refused, Values
 from station.web.people.accounts import Person, Session
@@ -53,7 +54,9 @@ class Call:
 class Action(NamedTuple):
     """One row: id, roles, what it needs, what it does, what that answers, and what stands in the audit trail.
 
-    audited: which of its values. tells: what of its answer.
+    sees: what it changes, as it is; seen before and after it. audited: which of its values. tells: what of its answer.
+    reaches_out: it does something that no transaction of the database undoes, such as starting a process or signing a
+    line elsewhere. So it is noted before it is done: a server that is killed in it leaves a line of the trail too.
     """
 
     id: str
@@ -62,6 +65,8 @@ class Action(NamedTuple):
     needs: type[Values]
     does: Callable[[Call, Any], Outcome]
     gives: type[Outcome]
+    sees: Callable[[Call, Any], Plain]
     audited: tuple[str, ...] = ()
     with_first_password: bool = False
     tells: tuple[str, ...] = ()
+    reaches_out: bool = False

@@ -55,6 +55,31 @@ class Recovery(Values):
     recovery: str = Field(max_length=200)
 
 
+class NewJog(Values):
+    """The model of the unit on the bench, and the share of the largest speed of a jog."""
+
+    model: str = Field(max_length=64)
+    speed: float = Field(default=1.0, gt=0.0, le=1.0)
+
+
+class KeyHeld(Values):
+    """The direction of a key that is held: 1 or -1."""
+
+    direction: Literal[1, -1]
+
+
+class KeyReleased(Values):
+    """Why a key is held no more."""
+
+    why: Literal["released", "left", "blurred", "hidden"] = "released"
+
+
+class DevicePressed(Values):
+    """Whether the enabling device is pressed."""
+
+    down: bool
+
+
 class NewBypass(Values):
     """A start condition to set aside, why, and for how many hours."""
 
@@ -214,6 +239,13 @@ class RecoveryTold(Outcome):
     """The recovery that was told."""
 
     recovery: str
+
+
+class JogBegun(Outcome):
+    """The model of the unit that is on the bench, and the bench."""
+
+    model: str
+    bench: str
 
 
 class BypassAdded(Outcome):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from threading import Lock
@@ -15,6 +15,7 @@ from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
+from station.web.bench.jogging import Jogging
 from station.web.bench.sight import Sight, sight_of
 from station.web.bench.way_back import Standing, WayBack
 from station.web.evaluations import Evaluations
@@ -39,9 +40,10 @@ class Seen:
 class BenchWatch:
     """The bench of one data folder, and the way back from a fault of it."""
 
-    def __init__(self, data: Path, running: Running, evaluations: Evaluations) -> None:
+    def __init__(self, data: Path, running: Running, evaluations: Evaluations, jogging: Jogging) -> None:
         self.way_back = WayBack(data)
         self._data, self._running, self._evaluations = data, running, evaluations
+        self._jogging = jogging
         self._kept = Seen(why_none="No run was made yet.")
         self._one_at_a_time = Lock()
 
@@ -50,6 +52,8 @@ class BenchWatch:
         for now, recovery in ((self.way_back.now(), True), (self._running.now(), False)):
             if now.stage in (STARTING, RUNNING):
                 return _live(now, recovery=recovery)
+        if (jog := self._jogging.standing()).on:
+            return _live(replace(jog.now, program=jog.program), recovery=False)
         with self._one_at_a_time:
             return self._left()
 

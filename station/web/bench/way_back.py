@@ -95,7 +95,7 @@ class WayBack:
                         command, stdin=subprocess.DEVNULL, stdout=output, stderr=output, start_new_session=True
                     )
             except OSError as error:
-                raise StationError(f"the way back cannot be started: {error.strerror}") from error
+                raise StationError(f"the recovery cannot be started: {error.strerror}") from error
 
     def starting(self) -> bool:
         """Say whether a process was started here and has not ended yet."""
@@ -170,7 +170,7 @@ def _fault(run: RunRecord, manifest: Manifest) -> Fault:
 
 
 def steps(standing: Standing, sight: Sight | None) -> tuple[StepRow, ...]:
-    """Return the steps of the way back; sight: what the recovery that is on shows, None while none is."""
+    """Return the steps of the recovery; sight: what the recovery that is on shows, None while none is."""
     state = None if sight is None or not standing.recovery else sight.state
     begun, over = state is not None, standing.released
     loaded = state == State.UNLOAD

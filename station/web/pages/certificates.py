@@ -44,7 +44,7 @@ class _Certificates:
 
     def build(self) -> None:
         """Lay the page out."""
-        bar(self._session, "certificates")
+        bar(self._station, self._session, "certificates")
         with ui.element("main").classes("lm-page lm-certificates"):
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
                 self._code = ui.input("Code of the certificate: scan the square, or type it").classes("lm-code")

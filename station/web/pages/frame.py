@@ -10,9 +10,12 @@ from typing import Required, TypedDict
 
 from fastapi import Request
 from nicegui import ui
+from nicegui.events import GenericEventArguments
 from pydantic import JsonValue
 
 from station.web.actions.perform import perform
+from station.web.actions.row import Answer
+from station.web.actions.table import ACTIONS
 from station.web.languages import COOKIE as LANGUAGE_COOKIE
 from station.web.languages import ENGLISH, LANGUAGES, Words, words_of
 from station.web.people.accounts import COOKIE, Session, chosen_language, session_of
@@ -26,9 +29,13 @@ PAGES = {
     "quality": "/quality",
     "recipes": "/recipes",
     "maintenance": "/maintenance",
+    "jog": "/jog",
     "certificates": "/certificates",
 }
 """The pages by their names in the bar."""
+
+ACTION_EVENT = "action"
+"""Event of a page's socket that asks for an action: its id, its values and, of who may ask again, its key."""
 
 BUSY = "#2f4a5e"
 """The colour of what can be pressed, as `--busy` of the style sheet."""
@@ -89,12 +96,13 @@ def words_for(station: Station, session: Session | None, request: Request) -> Wo
     return words_of(chosen or request.cookies.get(LANGUAGE_COOKIE) or station.settings.language)
 
 
-def bar(session: Session, here: str, words: Words | None = None, station: Station | None = None) -> ui.label:
+def bar(station: Station, session: Session, here: str, words: Words | None = None) -> ui.label:
     """Build the bar, and return the label in its middle, for a clock; here: a name of `PAGES`.
 
-    words: of the page; English without them. station: where the language is chosen, if it may be on this page.
+    words: of a page that is there in every language, which can be chosen on it; without them it is English.
     """
     say = words_of(ENGLISH) if words is None else words
+    _hear_actions(station, session)
     ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
     ui.colors(primary=BUSY)  # what Quasar takes for its labels cannot be read on grey
     ui.run_javascript(f"document.documentElement.lang = {say.language!r}")
@@ -106,19 +114,38 @@ def bar(session: Session, here: str, words: Words | None = None, station: Statio
                     link.props('aria-current="page"')
         middle = ui.label()
         with ui.element("div").classes("lm-nav"):
-            if station is not None:
+            if words is not None:
                 _languages(station, session, say)
             ui.label(f"{session.person.name} ({say(session.person.role)})")
     return middle
+
+
+async def act(station: Station, session: Session, action: str, values: JsonValue, key: str | None = None) -> Answer:
+    """Do an action for the person of an open page, or refuse it; key: of who may ask the same again."""
+    key = secrets.token_hex(16) if key is None else key
+    return await asyncio.to_thread(perform, station, action, session.token, session.csrf, key, values)
+
+
+def _hear_actions(station: Station, session: Session) -> None:
+    """Do what the scripts of a page ask for over its socket: the same function, roles and lines of the audit trail.
+
+    A socket is no way round them: what is asked there is told by whoever has the page, button or no button.
+    """
+
+    async def asked(event: GenericEventArguments) -> None:
+        told = event.args if isinstance(event.args, dict) else {}
+        action, key, values = (told.get(name) for name in ("action", "key", "values"))
+        if isinstance(action, str) and action in ACTIONS and (key is None or isinstance(key, str)):
+            await act(station, session, action, values, key)
+
+    ui.on(ACTION_EVENT, asked)
 
 
 def _languages(station: Station, session: Session, say: Words) -> None:
     """Offer the languages; the one that is chosen is kept for the person, and for the browser's next log-in."""
 
     async def choose(language: str) -> None:
-        values: dict[str, JsonValue] = {"language": language}
-        key = secrets.token_hex(16)
-        await asyncio.to_thread(perform, station, "choose_language", session.token, session.csrf, key, values)
+        await act(station, session, "choose_language", {"language": language})
         kept = f"{LANGUAGE_COOKIE}={language}; path=/; max-age=31536000; samesite=strict"
         ui.run_javascript(f"document.cookie = {kept!r}; location.reload()")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import functools
-import secrets
 import time
 from typing import Any
 
@@ -17,7 +16,6 @@ from pydantic import JsonValue
 from station.errors import StationError
 from station.run.screen.progress import signed
 from station.wall_clock import WALL_CLOCK
-from station.web.actions.perform import perform
 from station.web.actions.table import ACTIONS
 from station.web.bench.changes import Since, since_it_worked
 from station.web.bench.due import due_on
@@ -28,6 +26,7 @@ from station.web.pages.frame import (
     HERE,
     LONGEST_BUILD_S,
     SESSION_EVERY_S,
+    act,
     bar,
     session_of_page,
     still_open,
@@ -44,7 +43,7 @@ MARKS = {DONE: "✓", IN_HAND: "▶", TO_COME: "○", IN_THE_WAY: "■"}
 
 BEGIN, ACKNOWLEDGE, LEAVE = "begin_recovery", "acknowledge_fault", "leave_recovery"
 BUTTONS = {
-    BEGIN: "Begin the way back",
+    BEGIN: "Begin the recovery",
     ACKNOWLEDGE: "All is checked: acknowledge",
     LEAVE: "Leave the bench as it is",
 }
@@ -75,7 +74,7 @@ class _Maintenance:
 
     def build(self) -> None:
         """Lay the page out."""
-        bar(self._session, "maintenance")
+        bar(self._station, self._session, "maintenance")
         with ui.element("main").classes("lm-maintenance"):
             with ui.element("div").classes("lm-column").props('tabindex="0"'):
                 self._head = self._part("lm-stack", 'role="status"')
@@ -166,8 +165,7 @@ class _Maintenance:
 
     async def _do(self, name: str) -> None:
         values: JsonValue = {} if name == BEGIN else {"recovery": self._recovery}
-        key, session = secrets.token_hex(16), self._session
-        answer = await asyncio.to_thread(perform, self._station, name, session.token, session.csrf, key, values)
+        answer = await act(self._station, self._session, name, values)
         self._refused.set_text(" ".join(one.text for one in answer.refused))
         self._refused.set_visibility(bool(answer.refused))
 

@@ -20,13 +20,12 @@ from station.reports.headline import remaining_reasons
 from station.reports.result_text import limits_text
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
-from station.web.actions.perform import perform
 from station.web.actions.row import BAD_INPUT, OK, Answer
 from station.web.actions.runs import unconfirmed_run
 from station.web.actions.values import refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.languages import LANGUAGES, Words, messages
-from station.web.pages.frame import HERE, bar, session_of_page, words_for
+from station.web.pages.frame import HERE, act, bar, session_of_page, words_for
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
@@ -42,7 +41,7 @@ SAME_SCAN_S = 2.0
 """A code that comes twice within this is one scan, unless the first was refused."""
 
 CAPS_LOCK_ON = "Caps Lock is on: it changes what the scanner sends. Switch it off, then scan the unit again."
-SCANNER_TESTED = "The scanner is read as it should be. Scan the unit."
+SCANNER_TESTED = "The scanner works. Scan the unit."
 PUT_AWAY = "The bad unit is in the NOK box"
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
 
@@ -93,7 +92,7 @@ class _Page:
     def build(self) -> None:
         """Lay the page out."""
         ui.add_body_html(f"<script>{(HERE / 'scan.js').read_text(encoding='utf-8')}</script>")
-        self._clock = bar(self._session, "bench", self._words, self._station)
+        self._clock = bar(self._station, self._session, "bench", self._words)
         with ui.element("main").classes("lm-main"):
             with ui.element("section").classes("lm-left"):
                 self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')
@@ -193,8 +192,7 @@ class _Page:
         self._say(answer, scanned)
 
     async def _perform(self, action: str, values: dict[str, JsonValue], key: str) -> Answer:
-        session = self._session
-        return await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
+        return await act(self._station, self._session, action, values, key)
 
     def _say(self, answer: Answer, scanned: str) -> None:
         """Show why a scan was refused, with what can be done about it here; nothing where it was not."""
@@ -242,7 +240,7 @@ def _shown(now: Now) -> Shown:
 def _why(now: Now, say: Words) -> str:
     """Return what stands below the tile: why a start was refused, the reasons of a verdict, the metrics."""
     if now.refused:
-        return f"<b>{escape(say('The run was refused.'))}</b> {escape(say(now.refused))}"
+        return f"<b>{escape(say('The run was not started.'))}</b> {escape(say(now.refused))}"
     if now.altered:
         return "<br>".join(escape(one) for one in now.altered)
     if now.result is None:

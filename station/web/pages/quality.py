@@ -185,7 +185,7 @@ class _Quality:
     async def build(self) -> None:
         """Lay the page out; the figures come one after another."""
         ui.colors(primary=LINE)
-        bar(self._session, "quality")
+        bar(self._station, self._session, "quality")
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
         with ui.element("main").classes("lm-page lm-quality"):
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
@@ -248,7 +248,7 @@ class _Quality:
             with _card("Type 1 study: is this bench good enough for the tolerance?"):
                 with ui.row().classes("lm-choose-row"):
                     self._reference = ui.number("Known value").props("outlined dense")
-                    self._tolerance = ui.number("Tolerance; empty: the recipe's").props("outlined dense")
+                    self._tolerance = ui.number("Tolerance (empty: as in the recipe)").props("outlined dense")
                     ui.button("Judge", on_click=self._judge).props("outline no-caps")
                 self._type_one = ui.html("", sanitize=False).props('role="status"')
             with _card("Master part over time").classes("lm-whole-row"):

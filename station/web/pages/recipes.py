@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import secrets
 from functools import partial
 from html import escape
 from typing import TypedDict
@@ -16,10 +15,9 @@ from nicegui import events, ui
 from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
 from station.records.recipe_revisions import History, Revision, State
-from station.web.actions.perform import perform
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
-from station.web.pages.frame import SESSION_EVERY_S, Column, bar, session_of_page, still_open
+from station.web.pages.frame import SESSION_EVERY_S, Column, act, bar, session_of_page, still_open
 from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
@@ -65,7 +63,7 @@ class _Recipes:
     async def build(self) -> None:
         """Lay the page out, and show every revision."""
         ui.colors(primary=LINE_INK)
-        bar(self._session, "recipes")
+        bar(self._station, self._session, "recipes")
         with ui.element("main").classes("lm-page"):
             self._said = ui.label().classes("lm-bypasses").props('role="alert"')
             self._said.set_visibility(False)
@@ -106,10 +104,7 @@ class _Recipes:
         except UnicodeDecodeError:
             self._tell("The file is no text in UTF-8. Save it with that encoding.")
             return
-        session, key = self._session, secrets.token_hex(16)
-        answer = await asyncio.to_thread(
-            perform, self._station, "save_recipe", session.token, session.csrf, key, {"text": text}
-        )
+        answer = await act(self._station, self._session, "save_recipe", {"text": text})
         if isinstance(answer.said, RecipeChanged):
             ui.navigate.to(address_of(answer.said.name, answer.said.revision))
         else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import secrets
 import time
 from functools import partial
 from html import escape
@@ -24,12 +23,11 @@ from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_
 from station.records.recipe_revisions import History, Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
-from station.web.actions.perform import perform
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.languages import ENGLISH, words_of
-from station.web.pages.frame import SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.quality_figures import Options
 from station.web.pages.recipes_diff import diff_html
@@ -96,7 +94,7 @@ class _Editor:
             self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
             self._found = None
         ui.colors(primary=LINE_INK)
-        bar(self._session, "recipes")
+        bar(self._station, self._session, "recipes")
         with ui.element("main").classes("lm-page"):
             self._head = ui.element("div").classes("lm-recipe-head")
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
@@ -138,7 +136,7 @@ class _Editor:
                 ).props("outlined dense")
                 self._changes = ui.html(sanitize=False)
             with ui.tab_panel(made["Dry run"]):
-                self._try = ui.button("Try in virtual time", on_click=self._start_dry_run).props("no-caps outline")
+                self._try = ui.button("Try on the virtual bench", on_click=self._start_dry_run).props("no-caps outline")
                 self._tried = ui.html(sanitize=False).props('aria-live="polite"')
             with ui.tab_panel(made["History"]):
                 ui.html(_history_html(self._history, opened.name), sanitize=False)
@@ -177,7 +175,7 @@ class _Editor:
             ui.label(state if saved or found is None else f"{state}, changed and not saved").classes("lm-recipe-state")
             if found is not None and found.state is State.RELEASED and self._may("save_recipe"):
                 ui.button(
-                    "New revision from this",
+                    "Copy to a new revision",
                     on_click=lambda: ui.navigate.to(f"{address_of(found.name, found.revision)}?new=1"),
                 ).props("no-caps outline")
             if self._may_write():
@@ -233,7 +231,7 @@ class _Editor:
             count = len(looked.messages)
             where = next((f", the first in {one.where}" for one in looked.messages if one.line), "")
             self._load.set_text(
-                f"✕ {count} {'message' if count == 1 else 'messages'}{where}. There is no load to show."
+                f"✕ {count} {'message' if count == 1 else 'messages'}{where}. The load curve cannot be shown."
             )
         else:
             share = looked.peak_nm / looked.rated_nm
@@ -297,8 +295,7 @@ class _Editor:
         self._changes.set_content(diff_html(before, self._text))
 
     async def _perform(self, action: str, values: dict[str, JsonValue]) -> Answer:
-        session, key = self._session, secrets.token_hex(16)
-        answer = await asyncio.to_thread(perform, self._station, action, session.token, session.csrf, key, values)
+        answer = await act(self._station, self._session, action, values)
         self._say([one.text for one in answer.refused])
         return answer
 
@@ -352,7 +349,7 @@ def _dry_run_html(now: DryRun, stage: str) -> str:
     word = shown.word if result.state == "complete" else result.state.upper()
     reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
     tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
-    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>Tried in {now.took_s:.0f} s.</p>"
+    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>The try took {now.took_s:.0f} s.</p>"
 
 
 def _history_html(history: History, name: str) -> str:

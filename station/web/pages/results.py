@@ -76,7 +76,7 @@ class _Results:
     async def build(self) -> None:
         """Lay the page out, and show the newest runs."""
         say = self._words
-        bar(self._session, "results", say, self._station)
+        bar(self._station, self._session, "results", say)
         with ui.element("main").classes("lm-page"):
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
                 self._serial = ui.input(say("Serial number begins with")).props("outlined dense clearable autofocus")

@@ -90,7 +90,7 @@ class _RunPage:
 
     async def build(self) -> None:
         """Lay the page out: first what is written down, then what has to be evaluated."""
-        bar(self._session, "results")
+        bar(self._station, self._session, "results")
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
         record = await asyncio.to_thread(Store(self._station.data).by_id, self._name)
         with ui.element("main").classes("lm-run"):

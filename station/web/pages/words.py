@@ -67,7 +67,7 @@ VERDICTS: dict[str, Shown] = {
 
 BENCH_FAULT = Shown("OPEN", TRIANGLE, "BENCH FAULT", "Do not touch the unit. Call the technician.")
 STOPPED = Shown("OPEN", TRIANGLE, "STOPPED", "The unit has no verdict. Test it again.")
-NOT_BELIEVED = Shown("OPEN", TRIANGLE, "NO VERDICT", "The record is not as it was left. Call the technician.")
+NOT_BELIEVED = Shown("OPEN", TRIANGLE, "NO VERDICT", "The record was changed. Call the technician.")
 NOT_CONCLUDED = Shown("BUSY", "", "NOT CONCLUDED", "There is no verdict yet.")
 READY = Shown("", "", "READY", "Scan the unit.")
 STARTING = Shown("BUSY", "", "STARTING", "Keep your hands off the bench.")

@@ -112,7 +112,7 @@ def add_person(connection: Connection, name: str, role: str, password: str) -> N
         raise AccountError(f"role: found {role[:40]!r}; allowed are {', '.join(ROLES)}")
     _check_password(password)
     if connection.execute(select(PEOPLE.c.name).where(PEOPLE.c.name == name)).first() is not None:
-        raise AccountError(f"name: {name} is taken. Choose another")
+        raise AccountError(f"name: {name} is taken. Choose another name")
     values = {"name": name, "role": role, "password": _HASHER.hash(password)}
     connection.execute(insert(PEOPLE).values(**values, must_change=True, failed=0, disabled=False))
 
@@ -148,7 +148,7 @@ def change_password(connection: Connection, name: str, old: str, new: str) -> No
     """Change a password; all other sessions of the account end. AccountError or EntryRefusedError where it stays."""
     _check_password(new)
     if new == old:
-        raise AccountError("new_password: is the old one. Choose another")
+        raise AccountError("new_password: is the old password. Choose another password")
     row = connection.execute(select(PEOPLE).where(PEOPLE.c.name == name)).one()
     if (locked := locked_out(row)) is not None:
         raise locked

@@ -138,7 +138,7 @@ def check_pin(pin: str) -> None:
     if not (LEAST_PIN <= len(pin) <= LONGEST_PIN and pin.isascii() and pin.isdecimal()):
         raise AccountError(f"pin: allowed are {LEAST_PIN} to {LONGEST_PIN} digits")
     if pin in EASY or len(set(pin)) == 1:
-        raise AccountError("pin: is easy to guess. Choose another")
+        raise AccountError("pin: is easy to guess. Choose another PIN")
 
 
 def _salt(connection: Connection) -> bytes:

@@ -125,6 +125,18 @@ AUDIT = Table(
     Column("sha256", String(64), nullable=False),
 )  # fmt: skip
 
+BEGUN = Table(
+    "begun", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("at", String(40), nullable=False),
+    Column("name", String(64), nullable=False),
+    Column("action", String(40), nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("pid", Integer, nullable=False),
+    Column("birth", String(40), nullable=False),
+)  # fmt: skip
+"""Actions that are being done, and by which process: one whose process ended in it is told in the audit trail."""
+
 MES_UNITS = Table(
     "mes_units", METADATA,
     Column("serial", String(200), primary_key=True),
@@ -181,7 +193,9 @@ class StationDatabase:
             self._lock = _held(data / LOCK) if serving else None
             os.close(os.open(self.path, os.O_CREAT | os.O_RDWR | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600))
         except OSError as error:
-            raise StationError(f"{self.path}: cannot be opened: {error.strerror}. Choose another --data") from error
+            raise StationError(
+                f"{self.path}: cannot be opened: {error.strerror}. Choose another folder with --data"
+            ) from error
         self._engine = create_engine(f"sqlite:///{self.path}", connect_args={"timeout": BUSY_S})
         event.listen(self._engine, "connect", _set_up)
         event.listen(self._engine, "begin", _begin)
@@ -193,7 +207,7 @@ class StationDatabase:
     def _bring_up_to_date(self, connection: Connection) -> None:
         version = int(connection.exec_driver_sql("PRAGMA user_version").scalar_one())
         if version > len(STEPS):
-            raise StationError(f"{self.path}: is of a newer lostmotion (version {version}). Use that one")
+            raise StationError(f"{self.path}: was written by a newer lostmotion (version {version}). Use that version")
         for statement in STEPS[version:]:
             connection.exec_driver_sql(statement)
         connection.exec_driver_sql(f"PRAGMA user_version = {len(STEPS)}")
@@ -234,7 +248,7 @@ def _held(path: Path) -> int:
     except OSError as error:
         os.close(handle)
         raise StationError(
-            f"{path.parent}: another 'lostmotion serve' serves this folder. Stop it, or name another --data"
+            f"{path.parent}: another 'lostmotion serve' serves this folder. Stop it, or name another folder with --data"
         ) from error
     return handle
 

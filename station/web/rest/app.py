@@ -6,7 +6,7 @@ The document that describes them is at /api/openapi.json. Nothing changes by GET
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Annotated
 
 from fastapi import Depends, FastAPI, Header, Query, Request, Response
@@ -23,6 +23,7 @@ from station.web.actions.row import BAD_INPUT, NOT_ALLOWED, NOT_ENTERED, NOT_REA
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import Refused, refusal
 from station.web.bypasses import bypasses_now
+from station.web.guard import Keep
 from station.web.mes.outbox import waiting
 from station.web.people import audit
 from station.web.people.accounts import (
@@ -174,7 +175,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         })  # fmt: skip
 
     @app.get(
-        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the way back after a fault",
+        "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the recovery after a fault",
         tags=["bench"], **answers(200, 401, 503),
     )  # fmt: skip
     def bench(token: CookieToken = None) -> Response:
@@ -198,6 +199,18 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             head = audit.head_of(connection)
             lines = audit.lines_of(connection, newest)
         return JSONResponse({**head._asdict(), "newest": [one._asdict() for one in lines]})
+
+
+def keeper_of(station: Station) -> Keep:
+    """Return what writes an address that leads elsewhere into the audit trail, with whoever asked for it."""
+
+    def keep(cookies: Mapping[str, str], path: str) -> None:
+        with station.database.writing() as connection:
+            found = session_of(connection, cookies.get(COOKIE))
+            name = "?" if found is None else found.person.name
+            audit.write(connection, name, "read", audit.REFUSED, {"path": path})
+
+    return keep
 
 
 def _endpoint(station: Station, row: Action) -> Callable[..., Response]:

@@ -192,7 +192,7 @@ def test_without_a_declared_stiffness_its_gate_says_so() -> None:
     for name in ("stiffness_low", "stiffness_high"):
         found = of(checks, name)
         assert (found.passed, found.figure) == (None, None)
-        assert "no stiffness is declared" in found.text
+        assert "needs the stiffness of the unit" in found.text
 
 
 def test_a_windup_that_does_not_change_is_told_in_plain_words() -> None:

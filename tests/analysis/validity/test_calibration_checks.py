@@ -51,4 +51,4 @@ def test_a_zero_at_the_bound_of_its_search_was_not_found() -> None:
 def test_where_this_run_converts_nothing_its_calibration_is_not_asked(check: str) -> None:
     for result in (GOOD_RUN, by_stored_lines(GOOD)):
         assert of(result, check).passed is None
-        assert "not converted by a calibration in this run" in of(result, check).text
+        assert "needs an output torque that is calculated by a calibration" in of(result, check).text

@@ -131,7 +131,10 @@ def test_an_unplugged_adapter_is_a_lost_bus_and_its_port_is_closed(adapter: Adap
     assert isinstance(bus, ScanSlcanBus)
     adapter.unplug()
     assert adapter.link.receive() is None
-    assert adapter.link.lost_because == "receiving failed: the adapter is gone: its serial port was hung up"
+    assert (
+        adapter.link.lost_because
+        == "receiving failed: the CAN adapter is gone: its serial port was closed. Check its USB plug"
+    )
     assert not adapter.link.send(FRAME)
     adapter.link.close()
     assert not bus.serialPortOrig.is_open

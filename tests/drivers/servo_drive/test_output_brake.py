@@ -18,8 +18,8 @@ from definitions.image import AGE_NEVER
 from drivers.can.bus import open_can
 from drivers.config import CanConfig, DriveBrakeConfig
 from drivers.errors import DriveSetupError
-from drivers.servo_drive.objects import output_rows
-from drivers.servo_drive.output_brake import OutputBrake, output_brake_problems, read_outputs
+from drivers.servo_drive.objects import output_brake_problems, output_rows
+from drivers.servo_drive.output_brake import OutputBrake, read_outputs
 from drivers.servo_drive.setup import set_up_drive
 
 OUTPUTS, INPUTS = 0x405, 0x385

@@ -101,7 +101,7 @@ def make(seed: int, *, replayed: bool) -> Made:
     """Run a seed in virtual time, and replay it when asked."""
     work = job()
     unit, words, scenario = draw(seed)
-    bench = Bench(work, virtual_config(work.bench, work.profile_paths, VirtualUnit(unit, seed)), scenario)
+    bench = Bench(work.program, virtual_config(work.bench, work.profile_paths, VirtualUnit(unit, seed)), scenario)
     tail = 0
     while tail < TAIL_SCANS and len(bench.run.scans) < LONGEST_SCANS:
         bench.go()

@@ -103,7 +103,7 @@ def snapshots(recipe: str, most: int = COPIES) -> tuple[Snapshot, ...]:
     """Moments of one honest run."""
     the_job = job(recipe)
     unit = choose_unit(None, the_job.recipe, FIXED_SEED)
-    bench = Bench(the_job, virtual_config(the_job.bench, the_job.profile_paths, unit), None)
+    bench = Bench(the_job.program, virtual_config(the_job.bench, the_job.profile_paths, unit), None)
     found = []
     for state in RECIPES[recipe]:
         while bench.state != state:

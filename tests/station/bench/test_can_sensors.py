@@ -87,11 +87,11 @@ REFUSED = {
     ),
     "a node id that is not given": (
         "can-sensors", "can-sensors.yaml", "profile: can-encoders, node_id: 12", "profile: can-encoders",
-        "'node_id' at the sensor",
+        "with 'node_id' in the bench file",
     ),
     "set up without a node id": (
         "can-sensors", "can-sensors.yaml", "node_id: 11, update_every: 1 ms, heartbeat: 50 ms", "update_every: 1 ms",
-        "identity; allowed: 'node_id' at the sensor",
+        "identity; allowed: with 'node_id' in the bench file",
     ),
     "a heartbeat without a node id": ("can-sensors", "can-sensors.yaml", "node_id: 11, ", "", "heartbeat without node"),
     "the controller's node id": (

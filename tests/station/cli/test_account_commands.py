@@ -10,6 +10,7 @@ import pytest
 from lostmotion_command import Ran, here
 from station_support import GOLDEN, PASSWORD, open_database, write_models
 
+from recipes import find_recipe
 from station.records.recipe_revisions import History
 from station.web.people import audit
 from station.web.people.accounts import enter
@@ -23,6 +24,10 @@ def data(tmp_path: Path) -> Path:
     write_models(found)
     open_database(found).close()
     return found
+
+
+def load_text(name: str) -> str:
+    return find_recipe(name).read_text("utf-8")
 
 
 class Terminal:
@@ -70,6 +75,27 @@ def test_a_recipe_is_released_by_a_second_person_without_a_screen(terminal: Term
     assert ("the quality", "enter", "refused") in terminal.lines()
     assert terminal.run("recipes", "release", "none", "1", role="quality").exit_code == 2
     assert here("audit", "verify", "--data", str(terminal.data)).exit_code == 0
+
+
+def test_the_text_of_a_recipe_is_shown_as_it_was_saved(terminal: Terminal, tmp_path: Path) -> None:
+    shipped = terminal.run("recipes", "show", "rv-40e-121-quick")
+    assert shipped.exit_code == 0
+    assert shipped.out == load_text("rv-40e-121-quick"), "of the program, where nothing was saved"
+    assert "rv-40e-121-quick revision 2, released by lostmotion" in shipped.err
+
+    file = tmp_path / "new.yaml"
+    file.write_text(GOLDEN.read_text("utf-8").replace("name: golden", "name: lathe-7"), encoding="utf-8")
+    assert terminal.run("recipes", "save", str(file), role="engineer").exit_code == 0
+    draft = terminal.run("recipes", "show", "lathe-7", "1")
+    assert (draft.exit_code, draft.out) == (0, file.read_text("utf-8"))
+    assert "lathe-7 revision 1, draft" in draft.err
+    none_released = terminal.run("recipes", "show", "lathe-7")
+    assert none_released.exit_code == 2
+    assert "lathe-7: none of it is released; there is r1 (draft)" in none_released.err
+    assert "there is no revision 9; there is r1 (draft)" in terminal.run("recipes", "show", "lathe-7", "9").err
+    unknown = terminal.run("recipes", "show", "rv-40e-121-quik")
+    assert unknown.exit_code == 2
+    assert "Did you mean 'rv-40e-121-quick'?" in unknown.err
 
 
 def test_accounts_and_badges_are_looked_after_without_a_screen(terminal: Terminal) -> None:

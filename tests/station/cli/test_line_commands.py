@@ -99,7 +99,9 @@ def test_capability_says_how_to_give_a_limit_that_the_recipe_lacks(tmp_path: Pat
     for number in range(3):
         store_run(tmp_path, f"U{number}", [metric(0.4 + 0.01 * number, limits={"min": None, "max": None})])
     asked = Asked(None, "value", tmp_path, Ask("lost_motion"))
-    with pytest.raises(StationError, match=r"newest run, .* has no limit on it.*--min X, .* or .*--recipe NAME"):
+    with pytest.raises(
+        StationError, match=r"newest run, .* has no limit for this metric.*--min X, .* or .*--recipe NAME"
+    ):
         line.capability_of(asked, (None, None), 1, 0.95, as_json=False)
 
 

@@ -22,6 +22,7 @@ WRITERS = {
     "play-model": ("play-model", "RUN/result.json", "RUN/result.json"),
     "from-eds": ("profile", "from-eds", "RUN/recipe.yaml"),
     "dfq": ("quality", "dfq", "--virtual", "--data", "RUN/.."),
+    "validation": ("quality", "validation", "--virtual", "--data", "RUN/.."),
     "frequency": ("study", "frequency", "RUN", "--band", "5:120"),
 }
 """Every command with --out."""
@@ -32,7 +33,7 @@ PAGES = {
 }
 """Every command that writes a page at its end, and its options."""
 
-FOLDERS = ("report", "from-eds")
+FOLDERS = ("report", "from-eds", "validation")
 """Those whose --out is a folder: a file is written into it."""
 
 

@@ -131,7 +131,7 @@ def test_a_damaged_protocol_is_told_and_never_taken_for_none(bench_file: Path) -
 
 
 def test_an_embedded_bench_has_nothing_to_commission() -> None:
-    with pytest.raises(StationError, match="only while a run uses it"):
+    with pytest.raises(StationError, match="only during a run"):
         on_wires("virtual")
 
 

@@ -47,7 +47,7 @@ def test_a_single_register_has_no_word_order() -> None:
 
 
 PROFILE = modbus_profile(FileAt(DRIVER_PROFILES / "virtual-remote-io.yaml"))
-PRESS, RELEASE, OPEN, _ = TASKS
+PRESS, RELEASE, OPEN, *_ = TASKS
 ESTOP, GUARD = (1, 0), (1, 1)
 
 

@@ -71,7 +71,8 @@ def test_the_channel_that_counts_the_wrong_way_is_named(small_run, sensor: str |
 def test_a_motor_the_other_way_round_is_not_taken_for_three_wrong_sensors(small_run) -> None:
     tried = small_run(direction.PLAN)
     turned = [one._replace(sign=-one.sign) if "drive" in one.against else one for one in direction.look(tried)]
-    turned[0] = turned[0]._replace(sign=1)
+    assert turned[0].against == "torque_out_nm"
+    turned[0] = turned[0]._replace(sign=-1)  # that torque comes the other way
     (finding,) = [one for one in direction.judged(tried, turned, SCALE_OF) if one.refuses]
     assert "reversed: true" in finding.cure
 

@@ -18,7 +18,7 @@ from station_samples import SETUP
 from station.errors import RecordError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CodeError, check_code, code_of
 from station.records.data_folder import Store
-from station.reports.certificate import FILE, certificate_of
+from station.reports.certificate import CERTIFICATE, certificate_of
 from station.reports.report_of_run import made_report
 from station.reports.stored_result import stored_result
 
@@ -33,7 +33,7 @@ def data(worn_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_certificate_says_what_the_record_says(data: Path) -> None:
     run = Store(data).newest(1)[0]
-    (data / FILE).write_text(
+    (data / CERTIFICATE).write_text(
         "maker: [Example Gears, '<b>Road</b>']\ncustomer: [A & B]\norder: '4711'\n", encoding="utf-8"
     )
     result = stored_result(run)
@@ -60,13 +60,13 @@ def test_a_certificate_says_what_the_record_says(data: Path) -> None:
 
 
 def test_heads_that_are_wrong_make_no_certificate(data: Path) -> None:
-    (data / FILE).write_text("makers: [Example]\n", encoding="utf-8")
+    (data / CERTIFICATE).write_text("makers: [Example]\n", encoding="utf-8")
     run = Store(data).newest(1)[0]
     try:
         with pytest.raises(RecordError, match="makers"):
             certificate_of(run, stored_result(run))
     finally:
-        (data / FILE).unlink()
+        (data / CERTIFICATE).unlink()
 
 
 @pytest.mark.parametrize("changes", [{"state": "fault"}, {"altered": ("x",)}])

@@ -89,9 +89,9 @@ def test_the_report_stands_alone_and_is_the_same_when_made_again(run: RunRecord,
         "Metrics",
         "Validity checks",
         "Stiffness",
-        "How it was evaluated",
+        "How the run was evaluated",
         "Timing",
-        "To check it again",
+        "Files for checking this run again",
     )
     for title in titles:
         assert f"<h2>{title}</h2>" in page

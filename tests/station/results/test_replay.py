@@ -62,7 +62,7 @@ def test_missing_records_are_named() -> None:
 def test_one_missing_record_is_one() -> None:
     rows = recorded()
     found = replay(b"".join(rows[:4] + rows[5:]), Sums())
-    assert found.damage == "record 4 is missing: the ring was full, or the file was changed"
+    assert found.damage == "record 4 is missing: the record buffer was full, or the file was changed"
 
 
 @pytest.mark.parametrize("order", [[0, 1, 3, 2, 4, 5], [0, 1, 5, 2, 3, 4], [0, 1, 5, 3, 4, 2], [0, 1, 5, 3, 4]])

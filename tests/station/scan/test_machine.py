@@ -110,3 +110,10 @@ def test_no_isolated_core_is_a_refusal_with_its_reason(tmp_path: Path) -> None:
     for grant in (request_affinity(tmp_path / "absent"), request_affinity(machine(tmp_path, {"i": "\n"}) / "i")):
         assert not grant.granted
         assert "isolcpus" in grant.detail
+
+
+def test_the_page_on_real_time_has_a_row_for_each_look() -> None:
+    page = (Path(__file__).parents[3] / "docs" / "realtime.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| ")]
+    names = [finding.name for finding in look(Path("/"))]
+    assert [row for row in rows if row in names] == names

@@ -21,13 +21,13 @@ def report(missed: int, work_us: float = 160.0, late_us: float = 40.0, cause: st
 def test_a_calm_machine() -> None:
     told = " ".join(explain(report(0)))
     assert "160 µs of 1000 µs (16%)" in told
-    assert "No period was missed in 1000" in told
+    assert "None of 1000 scan periods was missed" in told
     assert "stands in the way" not in told
 
 
 def test_missed_periods_name_their_share_and_cause() -> None:
     told = " ".join(explain(report(3, cause="write")))
-    assert "3 of 1000 periods were missed (0.300%" in told
+    assert "3 of 1000 scan periods were missed (0.300%" in told
     assert "sending to the bus took long" in told
     assert "same processor" in told
 

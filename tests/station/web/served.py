@@ -66,8 +66,14 @@ def prepared(data: Path) -> Path:
 def served(data: Path, *words: str) -> Iterator[Served]:
     """Serve a data folder; a virtual bench runs as fast as it can, unless other words say how it is served."""
     how = words or ("--fast",)
-    command = [sys.executable, "-m", "station", "serve", "--port", "0", *how, "--data", str(data)]
-    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    with served_by([sys.executable, "-m", "station", "serve", "--port", "0", *how, "--data", str(data)], data) as found:
+        yield found
+
+
+@contextmanager
+def served_by(command: list[str], data: Path, env: dict[str, str] | None = None) -> Iterator[Served]:
+    """Serve a data folder by a command of one's own, which says where as `lostmotion serve` does."""
+    process = subprocess.Popen(command, cwd=ROOT, env=env, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         first = process.stdout.readline()
         found = re.match(r"station  (http://\S+)/$", first)

@@ -19,7 +19,7 @@ from station.web.models import load_models
 from station.web.people import accounts, badges
 from station.web.people.accounts import COOKIE, ROLES, Person, open_session
 from station.web.people.database import PEOPLE, StationDatabase
-from station.web.rest.app import rest_of
+from station.web.rest.app import keeper_of, rest_of
 from station.web.running import Running
 from station.web.station import Station
 
@@ -101,7 +101,7 @@ class Client:
 
 
 def client_of(station: Station, role: str | None = None) -> Client:
-    app = Guard(rest_of(station, secure=False), [HOST])
+    app = Guard(rest_of(station, secure=False), [HOST], keeper_of(station))
     http = TestClient(app, base_url=f"http://{HOST}", headers={"Origin": f"http://{HOST}"})
     if role is None:
         return Client(http)

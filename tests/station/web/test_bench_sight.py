@@ -1,4 +1,4 @@
-"""What a record shows of a bench; the steps of the way back; what has changed and what is due: by tables, pure."""
+"""What a record shows of a bench; the steps of the recovery; what has changed and what is due: by tables, pure."""
 
 from __future__ import annotations
 

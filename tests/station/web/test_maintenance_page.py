@@ -96,7 +96,7 @@ def test_the_way_back_is_gone_step_by_step_with_the_torque_that_is_left(station:
     assert station.post("begin_recovery", {}, "not mine").status_code == 403
     page.wait_for_selector(".lm-steps")
     assert standings(page) == ["now", *["to-come"] * 5]
-    page.click("text=Begin the way back")
+    page.click("text=Begin the recovery")
     acknowledge = page.get_by_role("button", name="All is checked: acknowledge")
     acknowledge.wait_for()
     assert standings(page)[:3] == ["done", "now", "now"]

@@ -49,8 +49,8 @@ def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: 
     technician = recipes_of(enter, "technician")
     technician.click('a[aria-label="open good revision 1"]')
     state(technician, "released")
-    assert buttons(technician) == {"New revision from this"}, "what is released cannot be changed"
-    technician.click("text=New revision from this")
+    assert buttons(technician) == {"Copy to a new revision"}, "what is released cannot be changed"
+    technician.click("text=Copy to a new revision")
     state(technician, "not saved")  # the page before says "no errors" too
     technician.wait_for_selector(".lm-in-order")
 

@@ -54,8 +54,11 @@ def test_a_second_person_releases_and_the_next_unit_is_measured_by_it(
         lines = audit.lines_of(connection, 20)
         assert audit.problems_of(connection) == []
     done = {one.action: (one.name, json.loads(one.detail)) for one in lines if one.outcome == "done"}
-    assert done["save_recipe"] == ("the engineer", draft)
-    assert done["release_recipe"] == ("the quality", draft)
+    held = {"state": "draft", "sha256": draft["sha256"]}
+    saved_text = {"text_sha256": draft["sha256"], "before": {}, "after": held}
+    changed = {"before": held | {"state": "release asked"}, "after": held | {"state": "released"}}
+    assert done["save_recipe"] == ("the engineer", draft | saved_text)
+    assert done["release_recipe"] == ("the quality", draft | changed)
     assert [one.outcome for one in lines if one.action == "release_recipe"].count("refused") == 3
 
     (station.data / "models.yaml").write_text("models: [{model: P1, serial: 'SN-[0-9]+', recipe: good}]\n")

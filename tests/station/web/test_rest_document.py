@@ -13,7 +13,7 @@ from schemathesis.specs.openapi.checks import positive_data_acceptance
 from station.web.actions.table import ACTIONS
 from station.web.guard import Guard
 from station.web.people.accounts import COOKIE, Person, open_session
-from station.web.rest.app import rest_of
+from station.web.rest.app import keeper_of, rest_of
 from station.web.station import Station
 
 EXAMPLES = 6
@@ -22,7 +22,7 @@ EXAMPLES = 6
 
 @pytest.mark.parametrize("mode", list(GenerationMode))
 def test_an_answer_is_one_that_the_document_tells_of(shared_station: Station, mode: GenerationMode) -> None:
-    app = Guard(rest_of(shared_station, secure=False), ["testserver"])
+    app = Guard(rest_of(shared_station, secure=False), ["testserver"], keeper_of(shared_station))
     asked = []
     for found in openapi.from_asgi("/api/openapi.json", app).get_all_operations():
         operation = found.ok()

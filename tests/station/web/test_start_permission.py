@@ -103,6 +103,11 @@ def test_a_code_that_was_read_twice_in_one_is_no_unit(good: Situation) -> None:
     assert refusals(dataclasses.replace(good, wanted=Wanted("1111"))) == [], "half of it would be none of this model"
 
 
+def test_no_unit_is_measured_while_the_bench_is_jogged(good: Situation) -> None:
+    ((refused, why),) = refusals(dataclasses.replace(good, jogging=True, unconfirmed="R1"))
+    assert (refused, "jog" in why) == ("bench_free", True)
+
+
 def test_all_reasons_are_told_at_once(good: Situation) -> None:
     both = dataclasses.replace(good, before=(run(1),), unconfirmed="R1")
     assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_reason"]

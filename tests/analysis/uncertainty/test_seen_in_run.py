@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 from analysis.loop.measured import measure
 from analysis.trace.trace import Trace
-from analysis.uncertainty.seen_angles import locked_width_arcmin, noise_seen_arcmin
+from analysis.uncertainty.seen_in_run import locked_width_arcmin, noise_seen_arcmin
 
 NOISE_ARCMIN = 0.01
 LAG_S = 0.25

@@ -1,14 +1,22 @@
-"""What the angles of a measurement show of their own errors: noise, and a locked shaft that comes late.
+"""What a run shows of its own errors: noise of its angles, a locked shaft that comes late, and what a delay would do.
 
 Nothing that is declared says so: a data sheet knows neither the cable nor a filter that somebody has switched on.
+
+A delay of the torque is tried: the samples are delayed, and reduced to branches again. The mean rate of the torque says
+too little. A drive is slower next to a turn and in the gap, and its torque ripples: where it runs back for a moment
+monotone regression makes the points equal, so what is left of a branch was measured while the torque ran fast.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
+from analysis.loop.branches import Branch, binned, monotone
 from analysis.loop.measured import Measured
 from analysis.loop.samples import BranchSamples
 from analysis.trace.units import FloatArray
@@ -25,6 +33,12 @@ MIDDLE = 0.5
 
 LEAST_SAMPLES = 20
 """Of a branch, from which a straight line of the locked shaft is fitted."""
+
+DELAY_S = 4e-3
+"""Delay that is tried, and one sample at least: shorter, noise outweighs it, longer, it passes over ripples."""
+
+PARTS = 400
+"""Parts of a branch in which the change is averaged."""
 
 
 def noise_seen_arcmin(found: Measured) -> float:
@@ -84,3 +98,46 @@ def _shafts(
     by_input = found.method.loading == "input"
     both = [(angle_in_rad, found.method.ratio, by_input), (angle_out_rad, 1.0, not by_input)]
     return [(values, scale) for values, scale, loaded in both if values is not None and (loaded or not loaded_only)]
+
+
+class DelayTried(NamedTuple):
+    """Torque [N·m], rising, and change of the wind-up there per second by which the torque is late [arcmin/s]."""
+
+    torque_nm: FloatArray
+    arcmin_per_s: FloatArray
+
+
+def delay_tried(branches: Sequence[BranchSamples]) -> DelayTried | None:
+    """Return what a delay does to branches of one direction, mean of all cycles.
+
+    None without time, and for branches in steps, which are not delayed while they hold.
+    """
+    found = []
+    for one in branches:
+        time = one.t_s
+        if time is None or len(one.run.pieces) > 1 or not (np.diff(time) > 0.0).all():
+            return None
+        delay_s = max(DELAY_S, float(np.median(np.diff(time))))
+        late, early = (_moved(one, time, way * delay_s) for way in (1.0, -1.0))
+        found.append((late, early, delay_s))
+    low = max(branch.torque_nm[0] for late, early, _ in found for branch in (late, early))
+    high = min(branch.torque_nm[-1] for late, early, _ in found for branch in (late, early))
+    if not high > low:
+        return None
+    edges = np.linspace(low, high, PARTS + 1)
+    changes = [(_means(late, edges) - _means(early, edges)) / (2.0 * delay_s) for late, early, delay_s in found]
+    return DelayTried((edges[1:] + edges[:-1]) / 2.0, np.mean(changes, axis=0))
+
+
+def _moved(samples: BranchSamples, time_s: FloatArray, delay_s: float) -> Branch:
+    """Return the branch with its torque so much later."""
+    torque = np.interp(time_s - delay_s, time_s, samples.torque_nm)
+    return monotone(binned(replace(samples, torque_nm=torque)), samples.run.direction, samples.where)
+
+
+def _means(branch: Branch, edges_nm: FloatArray) -> FloatArray:
+    """Mean wind-up [arcmin] between neighbouring torques."""
+    torque, angle = branch.torque_nm, branch.angle_arcmin
+    area = np.append(0.0, np.cumsum((angle[1:] + angle[:-1]) / 2.0 * np.diff(torque)))
+    means: FloatArray = np.diff(np.interp(edges_nm, torque, area)) / np.diff(edges_nm)
+    return means

@@ -1,0 +1,154 @@
+"""Performance qualification: what is due on the bench, its studies, and the capability of the process."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+
+from analysis.trace.errors import AnalysisError
+from recipes import find_bench, load_bench
+from station.documents.validation import MET, OPEN, PERFORMANCE, Evidence, judged
+from station.errors import StationError
+from station.quality.bench_ability import Part, due_on, type_one_of
+from station.quality.figures import capability_of, yield_of
+from station.records.data_folder import Store
+from station.store.quality.lot import Lot, production
+
+LEAST_CG = 1.33
+"""ISO 22514-7, VDA 5."""
+
+LEAST_CPK = 1.33
+"""Of the process, ISO 22514-2; customers may ask for more."""
+
+MOST_GRR_PCT = 30.0
+LEAST_NDC = 5
+"""AIAG, Measurement Systems Analysis: below 10 % good, up to 30 % for some uses; five categories or more."""
+
+SHARE_PCT = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class KnownPart:
+    """A part of known value, for a type 1 study."""
+
+    serial: str
+    metric: str
+    reference: float
+
+
+@dataclass(frozen=True, slots=True)
+class GageFigure:
+    """A gage study as it came out: gage spread as % of the total spread and of the tolerance, and categories."""
+
+    metric: str
+    grr_pct: float
+    tolerance_pct: float | None
+    ndc: int
+    design: str
+
+
+def known_part(text: str) -> KnownPart:
+    """Return the part that a text names, SERIAL:METRIC:VALUE; StationError where it does not."""
+    words = text.rsplit(":", 2)
+    try:
+        serial, metric, value = words
+        part = KnownPart(serial, metric, float(value))
+    except ValueError:
+        part = None
+    if part is None or not part.serial or not part.metric or not math.isfinite(part.reference):
+        raise StationError(
+            f"--type1: found {text[:60]!r}; expected SERIAL:METRIC:VALUE, as in MASTER-1:lost_motion:0.52"
+        )
+    return part
+
+
+def _of(asked: str, found: str, state: str, again: str) -> Evidence:
+    return Evidence(part=PERFORMANCE, asked=asked, found=found, state=state, again=again)
+
+
+def performance(
+    data: Path, bench: str | None, lot: Lot, parts: Iterable[KnownPart], gages: Iterable[GageFigure | str]
+) -> Iterator[Evidence]:
+    """Yield the evidence; gages: studies that were made, or why one could not be.
+
+    Raises:
+        RecipeError: the bench file cannot be read. StoreError: the store cannot be used.
+
+    """
+    yield from _due(data, bench)
+    yield from _type_one(data, lot, tuple(parts))
+    yield from _gages(tuple(gages))
+    yield from _process(data, lot)
+
+
+def _due(data: Path, bench: str | None) -> Iterator[Evidence]:
+    asked = "Master parts, calibrations and the blank test of the fixture are in date, and master parts read rightly"
+    found = () if bench is None else due_on(Store(data), load_bench(find_bench(bench)), datetime.now(UTC))
+    if not found:
+        yield _of(asked, "no bench was named" if bench is None else "the bench file names none", OPEN, "--bench FILE")
+    for one in found:
+        yield _of(
+            f"In date on {one.bench}: {one.what}", one.text, judged(one.in_order), f"lostmotion run --bench {bench}"
+        )
+
+
+def _type_one(data: Path, lot: Lot, parts: tuple[KnownPart, ...]) -> Iterator[Evidence]:
+    if not parts:
+        yield _of("Type 1 study: Cg and Cgk", "no part of known value was named", OPEN, "--type1 SERIAL:METRIC:VALUE")
+    for one in parts:
+        asked = f"Type 1 study of {one.metric} on {one.serial}: Cg and Cgk at least {LEAST_CG}"
+        again = f"lostmotion quality type1 --serial {one.serial} --metric {one.metric} --reference {one.reference:g}"
+        part = Part(one.serial, one.metric, bench=lot.bench, virtual=lot.virtual)
+        try:
+            with production(data) as look:
+                study = type_one_of(look, part, one.reference, None, SHARE_PCT).study
+        except (StationError, AnalysisError) as error:
+            yield _of(asked, str(error), OPEN, again)
+            continue
+        told = f"Cg {study.cg:.2f} ({study.cg_low:.2f} … {study.cg_high:.2f})"
+        told += f", Cgk {study.cgk:.2f} from {study.cgk_low:.2f}"
+        told += f", {study.measurements} measurements, bias {study.bias:.3g}, tolerance {study.tolerance:g}"
+        yield _of(asked, told, judged(min(study.cg, study.cgk) >= LEAST_CG), again)
+
+
+def _gages(gages: tuple[GageFigure | str, ...]) -> Iterator[Evidence]:
+    asked = f"Gage study: gage spread at most {MOST_GRR_PCT:g} % (good: 10 %), {LEAST_NDC} categories or more"
+    if not gages:
+        yield _of(asked, "no metric was named", OPEN, "--gage METRIC")
+    for one in gages:
+        if isinstance(one, str):
+            yield _of(asked, one, OPEN, "lostmotion gage")
+            continue
+        of_tolerance = "no tolerance" if one.tolerance_pct is None else f"{one.tolerance_pct:.3g} % of the tolerance"
+        share = one.grr_pct if one.tolerance_pct is None else max(one.grr_pct, one.tolerance_pct)
+        told = f"{one.metric}: {one.grr_pct:.3g} % of the total spread, {of_tolerance}, ndc {one.ndc}; {one.design}"
+        met = share <= MOST_GRR_PCT and one.ndc >= LEAST_NDC
+        yield _of(asked, told, judged(met), f"lostmotion gage --metric {one.metric}")
+
+
+def _process(data: Path, lot: Lot) -> Iterator[Evidence]:
+    asked = f"Process capability: Cpk at least {LEAST_CPK} for each metric with a limit"
+    again = f"lostmotion quality capability --data {data}"
+    try:
+        with production(data) as look:
+            lot = look.one_recipe(lot)
+            yields, rows = yield_of(look, lot).whole, capability_of(look, lot).rows
+    except (StationError, AnalysisError) as error:
+        yield _of(asked, str(error), OPEN, again)
+        return
+    first, final = yields.first_pass, yields.final
+    told = f"{first.of} units: first-pass {first.number}, final {final.number} of {final.of} passed"
+    told += f"; first-pass with 95 % confidence {100 * first.low:.3g} … {100 * first.high:.3g} %"
+    yield _of("Yield of the lot", told, MET, "lostmotion quality yield")
+    for row in rows:
+        name = f"{row.metric.name} side {row.side}"
+        if row.found is None:
+            yield _of(asked, f"{name}: {row.why}", OPEN, again)
+            continue
+        found = row.found
+        told = f"{name}: Cpk {found.within.nearest:.2f} ({found.cpk_low:.2f} … {found.cpk_high:.2f})"
+        told += f", {found.values} values"
+        yield _of(asked, told, judged(found.within.nearest >= LEAST_CPK), again)

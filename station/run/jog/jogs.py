@@ -1,0 +1,121 @@
+"""Jogs of a bench: where they are kept, what one is made of, and whether one is on.
+
+A jog is recorded like a run, in a folder below the runs. Its recipe only says which unit is on the bench: nothing of it
+is run, and nothing is judged.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from definitions.plain_data import exact
+from definitions.program import Program
+from recipes.compiler.jog import ENABLING_DEVICE, PERIOD_NS, compile_jog, jog_bench, jog_speed_rad_s
+from recipes.schema.bench_schema import Bench
+from station.bench.assemble import modbus_profile
+from station.bench.request import Job
+from station.documents.manifest import RECORDING
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.program_file import PROGRAM
+from station.records.run_record import RunRecord
+from station.run.way_back.recoveries import recoveries, was_recovered
+
+FOLDER = "jogs"
+
+NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
+"""How a run may end so that the bench has to be recovered before anything turns."""
+
+
+@dataclass(frozen=True)
+class JogJob(Job):
+    """A jog on a bench. `bench`: with the little speed and torque of a jog; `whole`: as its file has it."""
+
+    whole: Bench
+    speed_rad_s: float
+
+    @cached_property
+    def program(self) -> Program:
+        """What the controller steps through: the state of a jog, and nothing of the recipe."""
+        return compile_jog(self.whole, self.speed_rad_s)
+
+
+def jog_job(job: Job, share: float) -> JogJob:
+    """Return the jog on the bench of a job, at this share of its largest speed, above 0 and at most 1.
+
+    Raises:
+        StationError: the bench has no enabling device, or the share is none.
+
+    """
+    if not 0.0 < share <= 1.0:
+        raise StationError(
+            f"--speed: found {share:g}; allowed are values above 0, up to 1 of the largest speed of a jog"
+        )
+    name = job.bench.remote_io.profile
+    profile = modbus_profile(job.profile_sources[name])
+    fields = {field.name for block in (profile.read, *profile.read_also) for field in block.fields}
+    if ENABLING_DEVICE not in fields:
+        raise StationError(
+            f"bench '{job.bench.bench.name}' has no enabling device, so it has no jog: profile {name} of its remote "
+            f"I/O has no field '{ENABLING_DEVICE}'. Wire a three-position enabling device, and add the field"
+        )
+    sampling = job.recipe.sampling.model_copy(update={"period_ns": PERIOD_NS})
+    return JogJob(
+        recipe=job.recipe.model_copy(update={"sampling": sampling}),
+        bench=jog_bench(job.bench),
+        recipe_source=job.recipe_source,
+        bench_source=job.bench_source,
+        whole=job.bench,
+        speed_rad_s=share * jog_speed_rad_s(job.bench),
+    )
+
+
+def jogs(data: Path) -> Store:
+    """Return the jogs of a data folder."""
+    return Store(data / FOLDER)
+
+
+def jog_is_on(data: Path) -> bool:
+    """Say whether somebody jogs the bench of a data folder; one whose record cannot be read counts as on."""
+    return any(_is_on(one) for one in jogs(data).newest(1))
+
+
+def program_of(jog: RunRecord) -> Program:
+    """Return the program of a jog as it was recorded.
+
+    Raises:
+        StationError: it cannot be read.
+
+    """
+    path = jog.folder / PROGRAM
+    try:
+        return exact(Program, json.loads(path.read_bytes()), unlimited=True)
+    except (OSError, ValueError, TypeError) as error:
+        raise StationError(f"{path}: cannot be read: {error}") from error
+
+
+def why_no_jog(data: Path, job: Job) -> str:
+    """Return why no jog may begin now, with what to do; '' where one may."""
+    if jog_is_on(data):
+        return "A jog is on already. End it first."
+    run = next(reversed(Store(data).newest(1)), None)
+    if run is not None and _is_on(run):
+        return "A run is in progress. Wait for its end."
+    recovery = next(reversed(recoveries(data).newest(1)), None)
+    if recovery is not None and _is_on(recovery):
+        return "The way back from a fault is under way. Wait for its end."
+    if job.bench.bench.embedded:
+        return ""  # its virtual bench ended with the run before
+    if run is not None and run.state() in NEEDS_WAY_BACK and not was_recovered(data, run):
+        return f"Run {run.id} ended with '{run.state()}'. Recover the bench first: the unit may be wound up."
+    return ""  # a jog leaves the lock open, however it ends, so nothing is wound up behind it
+
+
+def _is_on(record: RunRecord) -> bool:
+    try:
+        return record.manifest().state == RECORDING and not record.deserted()
+    except StationError:
+        return False

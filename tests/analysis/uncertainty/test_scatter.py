@@ -1,0 +1,42 @@
+"""Residuals whose neighbours err alike, against what is known of them in closed form."""
+
+import numpy as np
+import pytest
+
+from analysis.trace.units import FloatArray
+from analysis.uncertainty.scatter import alike
+
+
+def autoregressive(share: float, count: int, seed: int) -> FloatArray:
+    """Values each of which keeps a share of the one before it."""
+    random = np.random.default_rng(seed)
+    values = random.standard_normal(count)
+    for index in range(1, count):
+        values[index] += share * values[index - 1]
+    return values - values.mean()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.4, 0.8])
+def test_neighbours_that_err_alike_are_worth_fewer(share: float) -> None:
+    """The variance of a mean grows by (1 + ρ)/(1 - ρ)."""
+    found = [alike(autoregressive(share, 600, seed)) for seed in range(60)]
+    assert np.mean(found) == pytest.approx((1.0 + share) / (1.0 - share), rel=0.15)
+
+
+def test_it_makes_nothing_surer() -> None:
+    """Neighbours that err oppositely, and none at all, count as each its own."""
+    assert alike(autoregressive(-0.6, 400, 1)) == 1.0
+    assert alike(np.array([])) == alike(np.array([0.5])) == alike(np.zeros(40)) == 1.0
+
+
+@pytest.mark.parametrize("share", [0.0, 0.7])
+def test_it_says_how_far_a_bend_scatters(share: float) -> None:
+    """Of a parabola through 80 points, as many as a rough run has."""
+    x = np.linspace(-0.5, 0.5, 80)
+    bends, variances = [], []
+    for seed in range(300):
+        y = autoregressive(share, 80, seed)
+        coefficients, covariance = np.polyfit(x, y, 2, cov=True)
+        bends.append(coefficients[0])
+        variances.append(alike(y - np.polyval(coefficients, x)) * covariance[0, 0])
+    assert np.sqrt(np.mean(variances)) == pytest.approx(np.std(bends), rel=0.2)

@@ -20,11 +20,13 @@ def checked_row(values: Sequence[float] | FloatArray, what: str, least: int) -> 
     except (TypeError, ValueError, OverflowError) as error:
         raise AnalysisError(f"{what}: {error}; expected numbers") from error
     if row.ndim != 1 or row.size < least:
-        raise AnalysisError(f"{what}: found {row.size} values; expected {least} or more in a row")
+        raise AnalysisError(f"{what}: found {row.size} values; expected {least} or more in one row")
     bad = ~(np.abs(row) <= LARGEST)
     if bad.any():
         place = int(np.argmax(bad)) + 1
-        raise AnalysisError(f"{what}: value {place} is {row[place - 1]}; expected a finite number; remove or repair it")
+        raise AnalysisError(
+            f"{what}: value {place} is {row[place - 1]}; expected a finite number; remove or correct it"
+        )
     return row
 
 

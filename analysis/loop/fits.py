@@ -63,7 +63,9 @@ class MeanCurve:
             part = self.positive if torque_nm > 0 else self.negative
             slope = float(part[1] + 2.0 * part[2] * torque_nm)
         if slope == 0.0:
-            raise AnalysisError(f"the fitted mean curve is flat at {torque_nm:g} N·m; its stiffness has no value")
+            raise AnalysisError(
+                f"the fitted mean curve is flat at {torque_nm:g} N·m; its stiffness has no value; choose another torque"
+            )
         return 1.0 / slope
 
 
@@ -214,7 +216,9 @@ class RegionCurve:
         piece = self.pieces[int(self._regions(np.array([torque_nm]))[0])]
         slope = float(polynomial(piece[1:] * np.arange(1.0, piece.size), torque_nm))
         if slope == 0.0:
-            raise AnalysisError(f"the fitted curve is flat at {torque_nm:g} N·m; its stiffness has no value")
+            raise AnalysisError(
+                f"the fitted curve is flat at {torque_nm:g} N·m; its stiffness has no value; choose another torque"
+            )
         return 1.0 / slope
 
     def _regions(self, torque_nm: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.int64]]:

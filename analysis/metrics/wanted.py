@@ -26,11 +26,14 @@ def definition(wanted: MetricWanted) -> Metric:
         if found is not None and found not in allowed:
             raise AnalysisError(f"metric {wanted.id}: {name}: found '{found}'; allowed: {', '.join(allowed) or 'none'}")
     if wanted.fit is not None and wanted.variant == "direct":
-        raise AnalysisError(f"metric {wanted.id}: fit: found '{wanted.fit}' with variant direct, which uses no fit")
+        raise AnalysisError(
+            f"metric {wanted.id}: fit: found '{wanted.fit}' with variant direct, which uses no fit; leave it out"
+        )
     for name, chosen, most in (("band", wanted.band, 1.0), ("torque", wanted.torque_nm, math.inf)):
         if chosen is not None and name not in row.free:
             raise AnalysisError(
-                f"metric {wanted.id}: {name}: found {chosen:g}; it is part of the definition: leave it out"
+                f"metric {wanted.id}: {name}: found {chosen:g}; this value is fixed by the definition: leave the "
+                "option out"
             )
         if chosen is not None and not 0.0 < chosen <= most:
             raise AnalysisError(

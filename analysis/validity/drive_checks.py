@@ -20,7 +20,7 @@ from analysis.trace.units import FloatArray
 from analysis.validity.evidence import Figure, LeftOpen, Reading, of_measured
 from definitions.units import ARCMIN_PER_RAD
 
-NO_DRIVE = "not measured: the torque that the drive reports is not in the trace"
+NO_DRIVE = "not measured: needs the torque that the drive reports in the trace"
 MIDDLE = (0.1, 0.9)
 """Share of the peak torque over which the two are compared: friction of the motor reverses next to the turn."""
 
@@ -95,7 +95,7 @@ def _slope(measured: FloatArray, reported: FloatArray, side: int) -> float:
     return float(np.cov(x, y)[0, 1] / x.var(ddof=1))
 
 
-NO_POSITION = "not measured: the position that the drive reports, the angle of its shaft, or time is not in the trace"
+NO_POSITION = "not measured: needs the drive's position, the angle of the loaded shaft and the time in the trace"
 
 ANGLE_BLOCKS, LEAST_PER_BLOCK = 200, 4
 """Blocks of a branch over which position and angle are averaged, and the fewest samples of a block."""
@@ -178,7 +178,7 @@ def drive_angle_direction(found: Measured) -> Reading | str:
     torque = trace.torque_in_nm if found.method.loading == "input" else trace.torque_out_nm
     torque = trace.drive_torque_nm if torque is None else torque
     if torque is None:
-        return "not measured: the torque of the loaded shaft, which twists its coupling, is not in the trace"
+        return "not measured: needs the torque of the loaded shaft in the trace, because it twists the coupling"
     way = max(float(np.ptp(one.angle_arcmin)) for one in branches)
     cycles = [one for one in branches if one.run.role == "measure"]
     pairs = [(up, down) for up in cycles for down in cycles

@@ -44,7 +44,7 @@ def locked_motion(found: Measured) -> Reading | str:
     from end to end, is slip, creep, or an angle of another shaft.
     """
     if found.angles != "both":
-        return "not measured: the angle of the locked shaft is not in the trace"
+        return "not measured: needs the angle of the locked shaft in the trace"
     torque, angle = _locked(found)
     offset, slope = np.polynomial.polynomial.polyfit(torque, angle, 1)
     slope = max(float(slope), 0.0)
@@ -64,7 +64,7 @@ def locked_compliance(found: Measured) -> Reading | str:
     """
     stiffness = found.method.lock_nm_per_arcmin
     if stiffness is None or found.method.loading == "output":
-        return "not measured: no fixture stiffness is given in the bench file"
+        return "not measured: needs the fixture stiffness in the bench file"
     torque, angle = _locked(found)
     if found.angles != "both":
         return "not measured: needs angle and torque of the locked shaft"

@@ -17,7 +17,10 @@ RunArgument = Annotated[
 ]
 TraceArgument = Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")]
 FileArgument = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Default: the stored runs.")]
-TableArgument = Annotated[Path | None, typer.Argument(metavar="[FILE]", help="CSV file. Default: the published table.")]
+TableArgument = Annotated[
+    Path | None,
+    typer.Argument(metavar="[FILE]", help="CSV file. Default: a published table that comes with the program."),
+]
 
 DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]

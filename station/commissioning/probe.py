@@ -110,7 +110,11 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         findings.append(Finding(what=what, cure=_sentence(problem.next_step)))
     lacking = [f"{row.meaning} ({row.objects})" for row in missing_protections(wires.drive.profile)]
     findings += [
-        Finding(what=f"The profile says that the drive has no {what}.", cure="Compare with the manual.", refuses=False)
+        Finding(
+            what=f"The profile says that the drive has no {what}.",
+            cure="Compare the profile with the drive's manual.",
+            refuses=False,
+        )
         for what in lacking
     ]
     counts = [
@@ -182,7 +186,12 @@ def _of_device(name: str, device: ModbusDevice, oldest: int) -> list[Finding]:
         )
         return [Finding(what=f"{where}: {device.malformed} replies hold a value that is not a number.", cure=cure)]
     if not device.replies:
-        return [Finding(what=f"{where}: no reply to its block.", cure="Compare table, address and count.")]
+        return [
+            Finding(
+                what=f"{where}: no reply to its block.",
+                cure="Compare table, address and count in the profile with the device's manual.",
+            )
+        ]
     allowed_ms = OLD_POLLS * max(poll_ms, device.config.timeout_s * 1e3)
     if oldest > allowed_ms:
         what = f"{name}: values up to {oldest} ms old, at most {allowed_ms:g} ms expected."

@@ -236,7 +236,7 @@ class Store:
 
         """
         if not name.strip():
-            raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or last")
+            raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or 'last'")
         if (Path(name) / MANIFEST).is_file():
             return RunRecord(Path(name).resolve())  # a run is named by its folder, and `.` has no name
         names = self._names()

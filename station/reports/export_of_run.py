@@ -85,7 +85,7 @@ def export_run(run: RunRecord, file_format: str, path: Path, locale: str = "en")
     # A run that was cut off has half a record at its end; anything else is damage and must not leave as a measurement.
     damage = [problem for problem in read_back.problems if "after the last complete record" not in problem]
     if damage:
-        raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported")
+        raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported. Restore the run from a backup")
     if not read_back.records:
         raise StationError(f"{run.id}: the run has no records: nothing was measured")
     table = table_of(content, layout)

@@ -13,7 +13,7 @@ from station.documents.result import DecisionRule, Limits, MetricValue
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 """How a verdict is written in a terminal."""
 
-NO_UNCERTAINTY = "no uncertainty: one cycle"
+NO_UNCERTAINTY = "no uncertainty: needs two cycles"
 
 REASON = re.compile(r"(?P<invalid>measurement invalid: )?(?P<id>\w+)(?P<side>, side [+-])?: ")
 """How a reason begins that is about one metric or check."""

@@ -67,7 +67,9 @@ def complete_run(run: RunRecord) -> RunAnalysis:
         raise StationError(f"{run.id}: the run ended as {state}: it has no complete trace to evaluate")
     altered = alterations(run)
     if altered:
-        raise StationError(f"{run.id}: record altered: {altered[0]}; it was not evaluated")
+        raise StationError(
+            f"{run.id}: record altered: {altered[0]}; the run was not evaluated. Restore it from a backup"
+        )
     job = stored_job(run)
     trace, result = evaluate_run(run, job.recipe, job.bench)
     return RunAnalysis(job, trace, result)

@@ -119,7 +119,9 @@ def load_rules(data: Path, named: Path | None = None) -> Rules:
     """
     file = named or data / FILE
     if not file.is_file():
-        raise StationError(f"{file}: is not there. Write the rules of retention into it, or name them with --rules")
+        raise StationError(
+            f"{file}: does not exist. Write the retention rules into this file, or name another file with --rules"
+        )
     return load_document(file, Rules)
 
 

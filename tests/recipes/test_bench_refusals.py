@@ -69,7 +69,7 @@ BENCH_CASES = {
         "calibrations: [{id: a, model: b, made: 2026-02-30, due: soon, load_positive: {slope: 1, offset: 0 N·m}}]",
         "a date such as 2025-03-31",
     ),
-    "device path": ("profile: virtual-drive", "profile: virtual drive", "a short name of letters"),
+    "device path": ("profile: virtual-drive", "profile: virtual drive", "a short name without spaces"),
 }
 
 

@@ -57,9 +57,9 @@ def texts() -> list[Seen]:
         for path in paths
         if "migrations" not in path.parts  # statements for the database
     }
-    constants = dict(one for tree in trees.values() for one in _constants(tree))
-    for tree in trees.values():
-        _Filled(constants | dict(_constants(tree))).visit(tree)
+    constants = {name: dict(_constants(tree)) for name, tree in trees.items()}
+    for name, tree in trees.items():
+        _Filled(_imported(tree, constants) | constants[name]).visit(tree)
     shared = {key: one for tree in trees.values() for key, one in _refusals(tree).items()}
     found: dict[str, Seen] = {}
     for name, tree in trees.items():
@@ -81,6 +81,17 @@ def _constants(tree: ast.Module) -> Iterator[tuple[str, ast.Constant]]:
             text = _words(node.value)
             if len(text.split()) > 1 and LEFT_OPEN not in text:
                 yield node.targets[0].id, ast.Constant(text)
+
+
+def _imported(tree: ast.Module, constants: dict[str, dict[str, ast.Constant]]) -> dict[str, ast.Constant]:
+    """Return the sentences that a module imports, by the names that it gives them."""
+    return {
+        one.asname or one.name: there[one.name]
+        for node in tree.body
+        if isinstance(node, ast.ImportFrom) and (there := constants.get(f"{(node.module or '').replace('.', '/')}.py"))
+        for one in node.names
+        if one.name in there
+    }
 
 
 class _Filled(ast.NodeTransformer):

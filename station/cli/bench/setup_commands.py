@@ -21,7 +21,7 @@ def profile_from_eds(
         Path, typer.Argument(metavar="FILE|FOLDER", help="EDS or DCF file of a drive, or a folder of them.")
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FOLDER", help="Write NAME.yaml there. Default: print it.")
+        Path | None, typer.Option("--out", metavar="FOLDER", help="Folder for NAME.yaml. Default: print the profile.")
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -136,7 +136,7 @@ def _of_file(path: Path) -> Lines:
     if origin is not None:
         origin.check_complete()
         if origin.objections:
-            raise StationError(f"{path}: {origin.objections[0]}; it was not evaluated")
+            raise StationError(f"{path}: {origin.objections[0]}; the file was not evaluated. Export the run again")
     runs = commanded_runs(trace)
     if not runs:
         fit = fit_points(trace, rows)

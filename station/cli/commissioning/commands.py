@@ -17,7 +17,10 @@ bench_app = typer.Typer(
 
 BenchFileOption = Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench.")]
 ByOption = Annotated[
-    str | None, typer.Option("--by", metavar="NAME", help="Who does it. Default: the user of this computer.")
+    str | None,
+    typer.Option(
+        "--by", metavar="NAME", help="Name of the person who does the step. Default: the user of this computer."
+    ),
 ]
 PatienceOption = Annotated[
     float, typer.Option("--seconds", metavar="N", min=1, max=600, help="Longest time to wait for each action.")
@@ -121,7 +124,7 @@ _small_run(
 
 @bench_app.command()
 def watchdogs(bench: BenchFileOption, by: ByOption = None, as_json: JsonOption = False) -> None:
-    """Step 6: test the drive when SYNC, then the heartbeat, then everything stops. It is enabled, without torque.
+    """Step 6: stop SYNC, heartbeat, then all messages, and see that the drive reacts. It is enabled, without torque.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """

@@ -261,7 +261,7 @@ def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
     def look() -> str:
         by_hand.step()
         if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
-            return f"{wires.remote_io.where} does not answer: emergency stop and guard are not known"
+            return f"{wires.remote_io.where} does not answer: emergency stop and guard not known. Check its cable"
         if not device.replies:
             return ""
         opened = [name for name in names if not device.values[device.place(name)]]

@@ -30,7 +30,9 @@ AttemptsOption = Annotated[
 
 
 def repeatability(
-    runs: Annotated[list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial.")],
+    runs: Annotated[
+        list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial number.")
+    ],
     recipe: Annotated[
         str | None,
         typer.Option(
@@ -143,9 +145,11 @@ def master_part(
     baseline: Annotated[
         int, typer.Option("--baseline", metavar="N", min=1, help="Number of first runs used for the control limits.")
     ] = 10,
-    reference: Annotated[float | None, typer.Option("--reference", metavar="X", help="Certified value.")] = None,
+    reference: Annotated[
+        float | None, typer.Option("--reference", metavar="X", help="Certified value of the master part.")
+    ] = None,
     u_reference: Annotated[
-        float, typer.Option("--u-reference", metavar="U", min=0, help="Its standard uncertainty.")
+        float, typer.Option("--u-reference", metavar="U", min=0, help="Standard uncertainty of the certified value.")
     ] = 0.0,
     level: LevelOption = 0.99,
     data: DataOption = DEFAULT_DATA,

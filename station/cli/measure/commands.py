@@ -165,7 +165,9 @@ def recover(
             help="Answer by signals instead of a terminal: SIGUSR1 is yes, SIGINT leaves the bench as it is.",
         ),
     ] = False,
-    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who recovers the bench.")] = None,
+    operator: Annotated[
+        str | None, typer.Option("--operator", metavar="NAME", help="Name of the person who recovers the bench.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Recover the bench after a fault: show its state, acknowledge, bring the torque to zero, open the lock.
@@ -185,13 +187,15 @@ def jog(
     bench: BenchOption = None,
     data: DataOption = DEFAULT_DATA,
     speed: Annotated[
-        float, typer.Option("--speed", metavar="SHARE", help="Share of the largest speed of a jog, up to 1.")
+        float, typer.Option("--speed", metavar="SHARE", help="Speed as a share of the largest jog speed, up to 1.")
     ] = 1.0,
     unit: UnitOption = None,
-    operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Who jogs.")] = None,
+    operator: Annotated[
+        str | None, typer.Option("--operator", metavar="NAME", help="Name of the person who jogs.")
+    ] = None,
     by_lines: Annotated[
         bool,
-        typer.Option("--by-lines", help="Without a terminal, as the station does it: keys are lines of the input."),
+        typer.Option("--by-lines", help="Read the keys as lines of standard input, without a terminal."),
     ] = False,
 ) -> None:
     """Jog: turn the shaft slowly while a key is held and the enabling device is pressed.

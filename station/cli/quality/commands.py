@@ -208,17 +208,29 @@ def trend(
 
 @quality_app.command("type1")
 def type1(
-    serial: Annotated[str, typer.Option("--serial", metavar="SN", help="Part of known value, as a master part.")],
+    serial: Annotated[
+        str,
+        typer.Option(
+            "--serial", metavar="SN", help="Serial number of a part with a known value, such as a master part."
+        ),
+    ],
     metric: WantedMetric,
     reference: Annotated[
-        float, typer.Option("--reference", metavar="X", help="Its known value, in the metric's unit.")
+        float, typer.Option("--reference", metavar="X", help="Known value of the part, in the unit of the metric.")
     ],
     tolerance: Annotated[
         float | None,
         typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's."),
     ] = None,
     share: Annotated[
-        float, typer.Option("--share", metavar="P", min=1.0, max=100.0, help="Share of the tolerance, in per cent.")
+        float,
+        typer.Option(
+            "--share",
+            metavar="P",
+            min=1.0,
+            max=100.0,
+            help="Share of the tolerance that the spread is compared with [%].",
+        ),
     ] = 20.0,
     side: SideOption = None,
     branch: BranchOption = None,

@@ -37,7 +37,9 @@ def retention_plan(rules: RulesOption = None, data: DataOption = DEFAULT_DATA, a
 @retention_app.command("apply")
 def retention_apply(
     backup: Annotated[Path, typer.Option("--backup", metavar="FILE", help="Backup that contains the runs to remove.")],
-    operator: Annotated[str, typer.Option("--operator", metavar="NAME", help="Who removes the records.")],
+    operator: Annotated[
+        str, typer.Option("--operator", metavar="NAME", help="Name of the person who removes the records.")
+    ],
     rules: RulesOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
@@ -58,7 +60,7 @@ def rebuild(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> Non
 
 @store_app.command()
 def state(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Print the place of the store, its number of runs, and the runs that are missing. Exit code as rebuild."""
+    """Print place and number of runs of the store, and missing runs. Exit code: 0, or 2 if the store cannot be used."""
     from station.cli.store import store as command_store
 
     raise typer.Exit(command_store.store_state(data, as_json=as_json))

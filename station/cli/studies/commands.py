@@ -99,7 +99,8 @@ def frequency(
         typer.Option("--coherence", metavar="C", min=0.0, max=1.0, help="Smallest coherence of the lines to use."),
     ] = 0.9,
     recipe: Annotated[
-        str | None, typer.Option("--recipe", metavar="RECIPE", help="Recipe to evaluate a file. A run has its own.")
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Recipe to evaluate a file. A stored run uses its own recipe."),
     ] = None,
     out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the lines as CSV.")] = None,
     data: DataOption = DEFAULT_DATA,

@@ -86,7 +86,7 @@ def _of_file(path: Path) -> Source:
         return Source(str(path), trace)
     origin.check_complete()
     if origin.objections:
-        raise StationError(f"{path}: {origin.objections[0]}; it was not evaluated")
+        raise StationError(f"{path}: {origin.objections[0]}; the file was not evaluated. Export the run again")
     return Source(str(path), trace, "" if origin.changed else origin.run.serial, origin.virtual)
 
 

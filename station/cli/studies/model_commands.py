@@ -27,7 +27,8 @@ def model(
         typer.Option("--fix", metavar="NAME=VALUE", help="A parameter that is known; may be repeated."),
     ] = None,
     recipe: Annotated[
-        str | None, typer.Option("--recipe", metavar="RECIPE", help="Recipe to evaluate a file. A run has its own.")
+        str | None,
+        typer.Option("--recipe", metavar="RECIPE", help="Recipe to evaluate a file. A stored run uses its own recipe."),
     ] = None,
     bench: Annotated[
         str | None,

@@ -32,7 +32,7 @@ users_app = typer.Typer(help="Accounts, passwords and badges of the station.", n
 WhoOption = Annotated[str, typer.Option("--as", metavar="NAME", help="Your account; its password is asked for.")]
 NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Name of the account.")]
 RecipeName = Annotated[str, typer.Argument(metavar="RECIPE", help="Name of the recipe.")]
-RevisionArgument = Annotated[int, typer.Argument(metavar="REVISION", min=1, help="Its revision.")]
+RevisionArgument = Annotated[int, typer.Argument(metavar="REVISION", min=1, help="Revision of the recipe.")]
 
 
 @recipes_app.command("list")
@@ -56,7 +56,10 @@ def recipes_show(
     revision: Annotated[
         int | None,
         typer.Argument(
-            metavar="[REVISION]", min=1, show_default=False, help="Its revision. Default: the newest released."
+            metavar="[REVISION]",
+            min=1,
+            show_default=False,
+            help="Revision of the recipe. Default: the newest released one.",
         ),
     ] = None,
     data: DataOption = DEFAULT_DATA,

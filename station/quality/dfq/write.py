@@ -70,7 +70,10 @@ def dfq_of_run(production: Production, run: str, program: str) -> Written:
     asked = select(RUNS.c.run).where(RUNS.c.chain == production.chain.id, RUNS.c.run == run)
     asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.altered == "", production.trusted())
     if production.connection.execute(asked).scalar() is None:
-        raise StationError(f"{run}: not in the store as a complete, unaltered run: it has no values to export")
+        raise StationError(
+            f"{run}: this run is not complete and unaltered in the store, so it has no values to export. Choose "
+            "another run"
+        )
     return _file(production, [run], metrics_of_run(production, run), program)
 
 
@@ -90,7 +93,7 @@ def _file(production: Production, runs: Sequence[str], there: Sequence[Character
         lines.append(NEXT_CHARACTERISTIC.join(_value(of_run[0], cells.get(key)) for key in numbers))
         lines.append(f"K0014/0 {of_run[0].serial}")
     if not lines:
-        raise StationError("no run has a value of the characteristics of the newest run")
+        raise StationError("no run of this lot has a value of any metric with a limit. Choose another lot")
     head = _head(rows[-1], len(numbers), program)
     for one in there:
         for side in one.sides:

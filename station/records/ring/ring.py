@@ -149,7 +149,10 @@ class MappedRing:
         whole = len(self._bytes) == HEADER_BYTES + self.capacity * RECORD_BYTES and self.capacity > 0
         if found != (MAGIC, VERSION, RECORD_BYTES) or not whole:
             self.close()
-            raise RingError(f"{path}: is not a record buffer of this version of the program (found {found})")
+            raise RingError(
+                f"{path}: is not a record buffer of this version of the program (found {found}). Use the version that "
+                "started the run"
+            )
 
     def close(self) -> None:
         """Unmap the file; the file itself stays."""

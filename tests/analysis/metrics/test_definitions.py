@@ -231,8 +231,11 @@ def test_break_torques_out_of_order_are_said(first: float | None, second: float 
         (MetricWanted("windup", variant="mean"), "variant: found 'mean'; allowed: fitted, direct"),
         (MetricWanted("windup", fit="two_region"), "fit: found 'two_region'; allowed: six_segment, six_segment_20pct"),
         (MetricWanted("lost_motion", fit="six_segment"), "fit: found 'six_segment'; allowed: none"),
-        (MetricWanted("windup", variant="direct", fit="six_segment"), "with variant direct, which uses no fit"),
-        (MetricWanted("hysteresis_angle", band=0.1), "band: found 0.1; it is part of the definition"),
+        (
+            MetricWanted("windup", variant="direct", fit="six_segment"),
+            "with variant direct, which uses no fit",
+        ),
+        (MetricWanted("hysteresis_angle", band=0.1), "band: found 0.1; this value is fixed by the definition"),
     ],
 )
 def test_choices_that_are_not_there_are_said(wanted: MetricWanted, said: str) -> None:

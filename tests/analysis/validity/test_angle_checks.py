@@ -41,7 +41,7 @@ def test_a_lag_that_nobody_declared_is_measured_by_two_speeds() -> None:
 
 def test_a_lag_that_cannot_be_measured_is_said_with_what_it_would_make() -> None:
     text = of(judged(lagging(timed_trace(P1, 480.0), 0.05), METHOD, None), "lag").text
-    assert "not measured: the lags of the channels are not known, and cycles at one speed cannot show them" in text
+    assert "not measured: the lags of the channels are not known, and cycles at one speed cannot show lags" in text
     told = "at 0.385 arcmin/s every 10 ms of lag would change the width of the loop by 0.0077 arcmin"
     assert reads(text, told)
     assert "without a time column" in of(analyse(exact_trace(P1, 480.0), METHOD, WANTED), "lag").text

@@ -125,7 +125,7 @@ def test_without_the_drive_its_gates_are_not_measured() -> None:
     result = judged(dataclasses.replace(GOOD, drive_torque_nm=None))
     for check in ("drive_torque_agreement", "drive_torque_gap"):
         assert of(result, check).passed is None
-        assert "not measured: the torque that the drive reports is not in the trace" in of(result, check).text
+        assert "not measured: needs the torque that the drive reports in the trace" in of(result, check).text
 
 
 @pytest.mark.parametrize("stands_at", [0.0, 3.0])

@@ -144,7 +144,7 @@ def test_an_unplugged_adapter_is_noticed_by_sending(adapter: Adapter) -> None:
     assert adapter.link.send(FRAME)
     adapter.unplug()
     assert not adapter.link.send(FRAME)
-    assert adapter.link.lost_because.startswith("sending failed: the adapter is gone")
+    assert adapter.link.lost_because.startswith("sending failed: the CAN adapter is gone")
 
 
 def test_an_adapter_that_does_not_take_its_frames_holds_no_scan(adapter: Adapter) -> None:

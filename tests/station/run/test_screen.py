@@ -108,7 +108,7 @@ def test_values_are_rounded_to_their_uncertainty() -> None:
     assert number(0.5, 3.0) == "0.5"
     assert number(0.04507, 0.24) == "0.05"
     assert uncertainty_text(metric(uncertainty=0.00067068, value=1.0)) == "± 0.00067"
-    assert uncertainty_text(metric(value=1.0, cycles=1)) == "no uncertainty: one cycle"
+    assert uncertainty_text(metric(value=1.0, cycles=1)) == "no uncertainty: needs two cycles"
     assert uncertainty_text(metric(value=None, cycles=1)) == ""
 
 

@@ -283,7 +283,7 @@ FAULTS: tuple[Fault, ...] = (
           "Check both torque sensors, then calibrate again"),
     Fault(38, "unload_failed", R.QUICK_STOP, 0, "Torque could not be brought to zero",
           "Drive cannot move the shaft back, or the torque sensor lost its zero",
-          "Energy may be stored in the unit: turn its shaft back by hand with the release tool"),
+          "The unit may hold energy: keep clear of its shafts, and release it as the bench maker's manual says"),
     Fault(39, "sample_late", R.HOLD, 0, "Torque and angle samples are late",
           "The measuring amplifier answered late",
           "If this is rare, do nothing; otherwise check the amplifier's network",

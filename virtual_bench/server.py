@@ -45,6 +45,9 @@ from virtual_bench.wires.slcan_server import SlcanServer
 from virtual_bench.wires.socketcand_server import SocketcandServer
 
 TICK_S = 0.002
+LED_TICK_S = 0.008
+"""While a scan leads there is nothing to do but to see whether it still does. Shorter than what counts as a standstill:
+when the scan is gone, the bench goes on by the wall clock at the next tick."""
 POWER_ON_NS = 100_000_000  # a bench that waits for its first scan has been on for a while
 COUNTED = ("sample_counter", "sample_time_us")
 """What begins anew where it does not fit a register."""
@@ -389,7 +392,7 @@ async def run(
         (announce or print_ready)(ready)
         while not stop.is_set():
             bench.tick()
-            await asyncio.sleep(TICK_S)
+            await asyncio.sleep(LED_TICK_S if bench.time.led else TICK_S)
     finally:
         for text in bench.drive.faults.why_unseen():
             log(NOT_SEEN, text)

@@ -121,7 +121,7 @@ def paired_cycles(runs: Sequence[Run]) -> list[tuple[Run, Run]]:
         found = ", ".join(f"{run.role} {run.direction:+d}" for run in runs) or "none"
         raise AnalysisError(
             f"branches: found {found}; expected at least one rising and one falling branch to be measured, after the "
-            "virgin quarter; record a whole cycle"
+            "first rise; record a whole cycle"
         )
     return pairs
 

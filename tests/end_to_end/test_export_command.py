@@ -204,7 +204,7 @@ def test_a_model_of_an_exported_run_is_that_of_the_unit_as_long_as_the_trace_is(
     assert trace_source(str(path), None, tmp_path).serial == ""
     said = json.loads(beside.read_text(encoding="utf-8"))
     beside.write_text(json.dumps({"run": said["run"] | {"altered": ["run.json: other"]}}), encoding="utf-8")
-    with pytest.raises(StationError, match=r"altered record: run\.json: other; it was not evaluated"):
+    with pytest.raises(StationError, match=r"altered record: run\.json: other; the file was not evaluated"):
         trace_source(str(path), None, tmp_path)
     beside.write_text(json.dumps({"run": said["run"] | {"state": "stopped"}}), encoding="utf-8")
     with pytest.raises(StationError, match="which ended as stopped: it has no complete trace"):

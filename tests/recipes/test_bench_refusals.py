@@ -16,7 +16,7 @@ CURVE = """  curve:
 
 BENCH_CASES = {
     "rtu without a port": ("transport: tcp", "transport: rtu", "rtu and no serial port"),
-    "one node for two": ("node_id: 126 ", "node_id: 5 ", "5 for both"),
+    "one node for two": ("node_id: 126 ", "node_id: 5 ", "found 5 for the drive and the controller"),
     "time-out below heartbeat": ("timeout: 100 ms ", "timeout: 30 ms ", "at least twice controller_heartbeat, 40 ms"),
     "bits": ("20 bit", "20.5 bit", "Write a whole number of this unit."),
     "unknown sensor": ("torque_out:", "torque_uot:", "Did you mean 'torque_out'?"),
@@ -69,7 +69,7 @@ BENCH_CASES = {
         "calibrations: [{id: a, model: b, made: 2026-02-30, due: soon, load_positive: {slope: 1, offset: 0 N·m}}]",
         "a date such as 2025-03-31",
     ),
-    "device path": ("profile: virtual-drive", "profile: virtual drive", "a short name of letters"),
+    "device path": ("profile: virtual-drive", "profile: virtual drive", "a short name without spaces"),
 }
 
 

@@ -63,7 +63,7 @@ CASES = {
     "text for a number": ("count: 3", "count: 'x'", "'x'", ["found 'x'", "a whole number"]),
     "count of zero": ("count: 3", "count: 0", "0, peak", ["found 0", "a number from 1"]),
     "choice": ("loading: input ", "loading: inptu ", "inptu", ["found 'inptu'", "input or output", "mean 'input'?"]),
-    "name with a space": ("name: rv-40e", "name: rv 40e", "rv 40e", ["a short name of letters"]),
+    "name with a space": ("name: rv-40e", "name: rv 40e", "rv 40e", ["a short name without spaces"]),
     "number for a text": ("model: RV-40E-121", "model: 40", "40\n", ["found 40", "a text", "Put it in quotes."]),
     "section is a text": (
         "  rule: guard_band ", "  simple ", "simple ", ["decision: found 'simple'", "a section with the options rule"],

@@ -171,7 +171,7 @@ def test_a_loop_the_wrong_way_round_is_invalid() -> None:
         (MetricWanted("lost_motion", max=math.nan), "finite"),
         (MetricWanted("lost_motion", side="+"), "allowed: both"),
         (MetricWanted("lost_motion", band=1.5), "above 0, at most 1"),
-        (MetricWanted("backlash_width_3pct", band=0.05), "part of the definition"),
+        (MetricWanted("backlash_width_3pct", band=0.05), "fixed by the definition"),
         (MetricWanted("stiffness_at", torque_nm=-206.0), "above 0"),
         (MetricWanted("stiffness_50_100", branch="up"), "allowed: load, unload, mean"),
         (MetricWanted("spring_constant", variant="starting"), "allowed: ending, centred, from, direct"),

@@ -235,7 +235,7 @@ def test_break_torques_out_of_order_are_said(first: float | None, second: float 
             MetricWanted("windup", variant="direct", fit="six_segment"),
             "with variant direct, which uses no fit",
         ),
-        (MetricWanted("hysteresis_angle", band=0.1), "band: found 0.1; it is part of the definition"),
+        (MetricWanted("hysteresis_angle", band=0.1), "band: found 0.1; this value is fixed by the definition"),
     ],
 )
 def test_choices_that_are_not_there_are_said(wanted: MetricWanted, said: str) -> None:

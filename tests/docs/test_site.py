@@ -86,7 +86,7 @@ def test_a_tutorial_that_says_otherwise_is_told_with_what_was_printed(tmp_path: 
 
 def commands_on(page: Path) -> Iterator[str]:
     for found in FENCE.finditer(page.read_text(encoding="utf-8")):
-        for line in found.group(1).splitlines():
+        for line in found.group(1).replace("\\\n", " ").splitlines():
             if PROMPT.match(line):
                 yield PROMPT.sub("", line)
 

@@ -25,6 +25,7 @@ from analysis.trace.number_text import read_numbers
 from analysis.trace.segment_names import SEGMENT_COLUMNS, read_segments
 from analysis.trace.trace import SegmentInfo, Trace, first_bad_row
 from analysis.trace.units import BoolArray, FloatArray, IntArray
+from definitions.image import IMAGE_FIELDS
 from definitions.units import RAD_PER_ARCMIN
 
 COLUMNS: dict[str, tuple[str, float]] = {
@@ -204,11 +205,15 @@ def _told(table: _Table, decimals: tuple[str, ...]) -> str:
     return f"read as CSV with {', '.join(parts)}" if parts else ""
 
 
+RECORDED = frozenset(field.name for field in IMAGE_FIELDS)
+"""Columns of an exported run: of those that are no quantity of a trace each has its own meaning."""
+
+
 def _refuse_near_misses(names: list[str], file: Path) -> None:
     """Refuse a column that is meant as one of ours and is named otherwise: dropped, it would change what is judged."""
     allowed = (*COLUMNS, *SEGMENT_COLUMNS)
     for name in names:
-        if name in allowed:
+        if name in allowed or name in RECORDED:
             continue
         plain = "_".join(re.findall("[^\\W_]+", name.lower()))
         if plain.split("_")[0] in QUANTITIES or get_close_matches(plain, allowed, n=1, cutoff=MISSPELT):

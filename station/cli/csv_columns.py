@@ -77,7 +77,7 @@ def read_csv_columns(file: Path) -> CsvColumns:
         with open_regular(file) as stream:
             table = read_csv_table(file, content=stream.read())
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
+        reason = f"a file that cannot be read ({getattr(error, 'strerror', None) or error})"
         raise TableError(file, reason, "a CSV file with a header row", "name another file") from error
     rows = table.cells.num_rows
     if not 0 < rows <= MOST_ROWS:

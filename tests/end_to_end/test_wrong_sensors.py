@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 BOTH_TORQUES = ("sensor.torque_out", "sensor.torque_in")
-LATE = {"torque_lines", "torque_bend", "drive_torque_gap", "late_torque", "noise_low"}
+LATE = {"torque_lines", "drive_torque_gap", "late_torque", "noise_low"}
 WRONG = {
     "torques late by 150 ms": ("worn", BOTH_TORQUES, "verb: lag, value: 0.15", LATE),
     "output torque late by 50 ms": ("worn", BOTH_TORQUES[:1], "verb: lag, value: 0.05", {"late_torque", "noise_low"}),

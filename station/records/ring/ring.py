@@ -38,7 +38,6 @@ from station.records.samples.scan_record import RECORD_BYTES
 MAGIC = 0x4C4D52494E473031
 VERSION = 2
 HEADER_BYTES = 4096
-WORD_BYTES = 8
 DEFAULT_CAPACITY = 60_000
 """Records: one minute at 1 ms, the longest stall of the supervisor that loses nothing."""
 
@@ -109,7 +108,7 @@ def create(folder: Path, capacity: int = DEFAULT_CAPACITY, run: Path | None = No
             # Allocated now: a sparse file on a full disk would end the scan process by SIGBUS in the middle of a run.
             os.posix_fallocate(handle, 0, size)
             with mmap.mmap(handle, size) as memory:
-                words = memoryview(memory).cast("Q")
+                words = memoryview(memory)[:HEADER_BYTES].cast("Q")  # records need not fill whole words
                 words[W_VERSION], words[W_RECORD_BYTES], words[W_CAPACITY] = VERSION, RECORD_BYTES, capacity
                 words[W_RUN_DEVICE] = 0 if run is None else run.stat().st_dev
                 words[W_MAGIC] = MAGIC
@@ -138,11 +137,11 @@ class MappedRing:
                 self._memory = mmap.mmap(file.fileno(), 0, flags=flags)
         except (OSError, ValueError) as error:
             raise RingError(f"{path}: the record buffer cannot be opened: {error}") from error
-        if len(self._memory) < HEADER_BYTES or len(self._memory) % WORD_BYTES:
+        if len(self._memory) < HEADER_BYTES:
             self._memory.close()
             raise RingError(f"{path}: is not the record buffer of a run: it has {path.stat().st_size} bytes")
         self._bytes = memoryview(self._memory)
-        self._words = self._bytes.cast("Q")
+        self._words = self._bytes[:HEADER_BYTES].cast("Q")
         words = self._words
         found = (words[W_MAGIC], words[W_VERSION], words[W_RECORD_BYTES])
         self.capacity: int = words[W_CAPACITY]

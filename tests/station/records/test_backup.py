@@ -62,7 +62,7 @@ def test_what_was_wiped_comes_back_as_it_was(data: Path, tmp_path: Path) -> None
     assert head_of(data) == head
     assert verify_folder(data).problems == []
     told, again = json.loads(made.out), json.loads(back.out)
-    assert told["audit"] == again["audit"] == {"lines": 5, "sha256": head.sha256}
+    assert told["audit"] == again["audit"] == {"lines": 5, "sha256": head.head_sha256}
     assert [told[name] for name in ("runs", "chain_entries", "files")] == [
         again[name] for name in ("runs", "chain_entries", "files")
     ]

@@ -88,7 +88,9 @@ def test_theil_sen_and_flagged_points_stand_beside_the_lines(data: Path, tmp_pat
             line |= {"points": 200, "flagged": number, "theil_sen_slope": line["slope"], "theil_sen_offset_nm": offset}
         store_run(tmp_path / "new", f"U{number}", VALUES, calibration=stored, day=number)
     block = command(tmp_path / "new", "U0", "U1", "U2")
-    assert "    # load_positive: Theil–Sen slope 93.858, offset -14.2 N·m; 3 of 600 points flagged\n" in block
+    assert (
+        "    # load_positive: Theil–Sen slope 93.858, offset -14.2 N·m; 3 of 600 points marked as outliers\n" in block
+    )
     (entry,), (plain,) = (
         parse_bench(bench_of(text), "b.yaml").calibrations for text in (block, command(data, "U0", "U1", "U2"))
     )

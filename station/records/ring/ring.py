@@ -38,6 +38,7 @@ from station.records.samples.scan_record import RECORD_BYTES
 MAGIC = 0x4C4D52494E473031
 VERSION = 2
 HEADER_BYTES = 4096
+WORD_BYTES = 8
 DEFAULT_CAPACITY = 60_000
 """Records: one minute at 1 ms, the longest stall of the supervisor that loses nothing."""
 

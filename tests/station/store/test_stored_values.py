@@ -29,7 +29,7 @@ def test_runs_that_do_not_count_are_left_out_and_counted(runs: Path) -> None:
     store_run(runs, "U9", [metric(0.4)], scenario="scenarios/slow-amplifier.yaml")
     with_faults = stored_values(runs, Ask("lost_motion", recipe="inverse"))
     assert "FAULTS INJECTED: in 1 of 7 runs" in with_faults.notes()
-    assert with_faults.head()["runs_with_faults"] == 1
+    assert with_faults.head().runs_with_faults == 1
     altered = found.runs()[0]
     (altered.folder / "recipe.yaml").write_bytes(b"changed\n")
     assert stored_values(runs, Ask("lost_motion", recipe="inverse")).left_out["altered"] == 1

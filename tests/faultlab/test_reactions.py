@@ -79,7 +79,7 @@ def test_what_follows_is_ordered_when_the_torque_is_gone(reaction):
 @pytest.mark.parametrize(
     ("wrong_row", "words"),
     [
-        ({"orders": (DriveCommand.SWITCH_ON,)}, "the reaction orders switch_on"),
+        ({"orders": (DriveCommand.SWITCH_ON,)}, "this reaction gives switch_on"),
         ({"state": State.STOPPED}, "leads to stopped"),
     ],
 )
@@ -113,7 +113,7 @@ def test_a_reaction_that_comes_late_is_said_with_the_scans():
     late = FaultRun(**(vars(run) | {"orders": held}))
     expected = [{"reaction": "quick_stop", "within_scans": scans} for scans in (6, 7)]
     (wrong,) = judge(late, scenario("quick_stop", *expected))
-    assert "within_scans 6: came 7 scans after the alarm" in wrong
+    assert "within_scans 6: the reaction came 7 scans after the alarm" in wrong
 
 
 def test_the_command_and_the_page_have_every_row(capsys):

@@ -27,7 +27,9 @@ RATED_NM = 412.0
 def stopped() -> Bench:
     """The bench after a quick stop in a ramp: friction keeps a torque behind the closed lock."""
     job = load_job("rv-40e-121-faults", None)
-    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None)
+    bench = Bench(
+        job.program, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None
+    )
     assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 200.0)
     bench.order(Command.QUICK_STOP)
     bench.finish()
@@ -147,7 +149,9 @@ def test_a_command_that_comes_before_the_devices_leaves_a_closed_lock_closed(sto
 
 def test_a_jammed_unit_is_left_to_a_person_with_its_torque_behind_the_closed_lock():
     job = load_job("rv-40e-121-faults", None)
-    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None)
+    bench = Bench(
+        job.program, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None
+    )
     assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 100.0)
     bench.faults.inject((Fault(target="unit", verb="jam", value=8, when=When(scan=bench.run.scans[-1])),))
     bench.finish()
@@ -175,7 +179,9 @@ def test_a_jammed_unit_is_left_to_a_person_with_its_torque_behind_the_closed_loc
 def loaded() -> Bench:
     """The bench in its first ramp, where friction keeps a rest in the unit once the drive is off."""
     job = load_job("rv-40e-121-faults", None)
-    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None)
+    bench = Bench(
+        job.program, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None
+    )
     assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 100.0)
     return bench
 
@@ -222,7 +228,9 @@ def test_a_wrong_angle_sensor_does_not_stand_against_it_after_everything_was_res
 def test_a_reversed_angle_sensor_counts_anew_from_where_the_shaft_stands():
     """What it shows is an over-travel that stays, so that the reset of the run itself is refused."""
     job = load_job("rv-40e-121-output", None)
-    bench = Bench(job, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None)
+    bench = Bench(
+        job.program, virtual_config(job.bench, job.profile_paths, choose_unit(None, job.recipe, FIXED_SEED)), None
+    )
     assert bench.until(lambda orders: orders.state == State.RAMP_POS and orders.controlled_torque_nm > 200.0)
     bench = with_a_fault(bench, "sensor.angle_out", "flip", None)
     assert bench.run.alarms()[0].text == "over_travel"

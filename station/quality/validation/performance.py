@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 
 from analysis.trace.errors import AnalysisError
@@ -16,6 +15,7 @@ from station.quality.bench_ability import Part, due_on, type_one_of
 from station.quality.figures import capability_of, yield_of
 from station.records.data_folder import Store
 from station.store.quality.lot import Lot, production
+from station.wall_clock import WALL_CLOCK
 
 LEAST_CG = 1.33
 """ISO 22514-7, VDA 5."""
@@ -86,7 +86,7 @@ def performance(
 
 def _due(data: Path, bench: str | None) -> Iterator[Evidence]:
     asked = "Master parts, calibrations and the blank test of the fixture are in date, and master parts read rightly"
-    found = () if bench is None else due_on(Store(data), load_bench(find_bench(bench)), datetime.now(UTC))
+    found = () if bench is None else due_on(Store(data), load_bench(find_bench(bench)), WALL_CLOCK.now())
     if not found:
         yield _of(asked, "no bench was named" if bench is None else "the bench file names none", OPEN, "--bench FILE")
     for one in found:

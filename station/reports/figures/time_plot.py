@@ -39,6 +39,7 @@ BANDS: dict[int, str] = {
     State.RAMP_NEG: "#d9eede",
     State.UNLOAD: "#fdf3d8",
     State.RELEASE: "#f8ead0",
+    State.JOG: "#e0ecf4",
     State.COMPLETE: "#ffffff",
     State.STOPPED: "#fdf3d8",
     State.FAULT: "#fbe0dd",

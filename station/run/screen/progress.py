@@ -29,6 +29,7 @@ STATE_COLOURS: dict[State, str] = {
     State.RAMP_NEG: "green",
     State.UNLOAD: "yellow",
     State.RELEASE: "yellow",
+    State.JOG: "yellow",
     State.COMPLETE: "bold green",
     State.STOPPED: "bold yellow",
     State.FAULT: "bold red",

@@ -116,7 +116,7 @@ def test_single_values_beside_their_moving_range() -> None:
     ("values", "changes", "said"),
     [
         ([1.0, 2.0, 3.0], {"subgroup": 2}, "3 values fill 1 subgroups of 2"),
-        ([1.0] * 10, {}, "do not differ"),
+        ([1.0] * 10, {}, "are identical"),
         ([1.0, 2.0] * 10, {"subgroup": 26}, "subgroups of 26"),
         ([1.0, 2.0] * 10, {"baseline": 5}, "first 5 of 4"),
         ([1.0, math.nan] * 10, {}, "value 2 is nan"),

@@ -108,7 +108,7 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
         "creep_back",
     }  # fmt: skip
     assert "two cycles" in why["drift"]
-    assert "no time" in why["ramp_rate"]
+    assert "needs a trace with a time column" in why["ramp_rate"]
     assert "two torque channels" in why["torque_agreement"]
     assert "not measured: needs two torque channels" in why["ratio_agreement"]
 

@@ -63,7 +63,7 @@ def test_a_slope_over_temperature_is_found(tmp_path: Path, capsys: pytest.Captur
 
 
 def test_the_help_says_what_is_taken_without_a_file() -> None:
-    for name, taken in (("eccentricity", "the published table"), ("temperature", "the stored runs")):
+    for name, taken in (("eccentricity", "a published table"), ("temperature", "the stored runs")):
         shown = CliRunner().invoke(app, ["study", name, "--help"]).stdout
         assert f"Default: {taken}" in " ".join(shown.split())
 

@@ -95,7 +95,7 @@ CHANGES = {
         "setpoint_timeout: 60 ms",
         {"probe", "direction", "latency", "watchdogs", "tune"},
     ),
-    "contact": ("virtual-remote-io.yaml", GUARD_BIT + "1", GUARD_BIT + "2", {"probe", "io"}),
+    "contact": ("virtual-remote-io.yaml", GUARD_BIT + "1", GUARD_BIT + "3", {"probe", "io"}),
     "sign": (
         "virtual-amplifier.yaml",
         "scale: 1.0e-6",

@@ -17,11 +17,12 @@ SITE ?= build/site
 # and each would compile all of this code anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run test model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
+.PHONY: help setup run test test-long model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
 	@echo "make test    set everything up and run the tests"
+	@echo "make test-long  the tests that take a whole run or a browser for each case: some minutes more"
 	@echo "make model-check  every state that the controller can reach, held against the safety rules: a minute"
 	@echo "make mutants every safety row and guard made wrong once: the model check must notice each"
 	@echo "make wire-faults  the fault matrix over real wires, on the bench that waits"
@@ -53,8 +54,11 @@ run: $(STAMP)
 # Half of what the tests on wires take is waiting: three at a time keep two cores busy, and a bench that waits misses
 # nothing. What keeps real time comes after the others, two at a time.
 test: $(STAMP)
-	$(BIN)/python -m pytest -m "not wall_clock" -n 3 --dist loadfile --no-loadscope-reorder
-	$(BIN)/python -m pytest -m wall_clock -n 2 --dist loadfile $$(grep -rl wall_clock tests --include='test_*.py')
+	$(BIN)/python -m pytest -m "not wall_clock and not long" -n 3 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -m "wall_clock and not long" -n 2 --dist loadfile $$(grep -rl wall_clock tests --include='test_*.py')
+
+test-long: $(STAMP)
+	$(BIN)/python -m pytest -m long -n 2 --dist loadfile $$(grep -rl "mark.long" tests --include='test_*.py')
 
 model-check: $(STAMP)
 	$(BIN)/python tests/proofs/model_check

@@ -205,6 +205,7 @@ def test_a_heartbeat_that_nobody_supervises_is_found_by_watchdogs(bench: Bench) 
     assert "controller_heartbeat: consumer_heartbeat" in finding["cure"]
 
 
+@pytest.mark.long
 def test_a_gain_ten_times_too_high_is_found_by_tune(bench: Bench) -> None:
     write_changed(bench.file, bench.file, {"torque_control": {"gain": 150}})
     bench.passed_before("tune")

@@ -26,7 +26,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.run.jog.jogs import jog_is_on, jog_job, jogs, program_of, why_no_jog
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.long]
 
 LONGEST_S = 180.0
 RECIPE = "rv-40e-121-quick"

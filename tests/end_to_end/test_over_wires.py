@@ -72,6 +72,7 @@ def test_quick_recipe_measures_right_over_wires_and_passes(lostmotion):
         assert (ran.record / name).stat().st_size > 0
 
 
+@pytest.mark.long
 def test_a_sweep_over_wires_answers_as_in_virtual_time(lostmotion, tmp_path):
     """The drive's delay on the wires is in torque and angle alike: the response is that of the unit."""
     text = shipped_recipes()["rv-40e-121-sweep"].read_text(encoding="utf-8")

@@ -170,6 +170,7 @@ def test_nothing_open_and_nothing_not_met_is_what_ends_with_0() -> None:
     assert counts(pack(MET, OPEN, OPEN)) == {MET: 1, NOT_MET: 0, OPEN: 2, ATTACHED: 0}
 
 
+@pytest.mark.long
 def test_the_self_test_measures_a_unit_and_replays_it(monkeypatch: pytest.MonkeyPatch) -> None:
     assert dict(SELF_TEST)["P1"] == "PASS"
     assert {verdict for unit, verdict in SELF_TEST if unit != "P1"} == {"FAIL"}

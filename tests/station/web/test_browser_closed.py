@@ -10,7 +10,7 @@ from browser import needs_browser, opened
 from lostmotion_command import here
 from served import LONGEST_S, prepared, served
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
 SCAN = """text => [...text, "Enter"].forEach(
     key => document.body.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true})))"""

@@ -22,6 +22,7 @@ from station.web.evaluations import Evaluations
 LONGEST_S = 120.0
 
 
+@pytest.mark.long
 def test_the_process_gives_way_keeps_the_store_up_and_comes_again(quick_run: Any, tmp_path: Path) -> None:
     data, run = tmp_path / "runs", RunRecord(quick_run.record)
     make_runs(data, 5)

@@ -20,7 +20,7 @@ from definitions.image import State
 from definitions.jog import JogPhase
 from station.run.jog.jogs import jogs
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
 HIDE = """{
     Object.defineProperty(document, 'hidden', { get: () => true, configurable: true });

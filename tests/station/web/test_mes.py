@@ -275,6 +275,7 @@ def test_a_secret_is_long_and_for_its_owner_alone(tmp_path: Path) -> None:
 
 
 @pytest.mark.wires
+@pytest.mark.long
 def test_the_cable_of_the_mes_is_cut_in_mid_run_and_the_server_killed(tmp_path: Path) -> None:
     data, keep = prepared(tmp_path / "runs"), tmp_path / "results.jsonl"
     write_secret(data)

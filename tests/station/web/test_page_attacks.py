@@ -21,7 +21,7 @@ from station.web.actions.table import ACTIONS
 from station.web.people.accounts import ROLES
 from station.web.people.database import PEOPLE, StationDatabase
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
 SCRIPT = "<img src=x onerror=window.hit=1>"
 """What would run in whoever's browser shows it as anything but text."""

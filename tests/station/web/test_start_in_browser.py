@@ -21,7 +21,7 @@ from test_start_permission import cases
 from station.web.models import load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
 SCAN = """text => [...text, "Enter"].forEach(
     key => document.body.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true, cancelable: true})))"""

@@ -23,7 +23,7 @@ from ruamel.yaml import YAML
 from benchmarks.slow_amplifier import bench_of, samples
 from station.bench.request import DRIVER_PROFILES, load_job
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.long]
 BENCHES = Path(__file__).parents[1] / "data" / "benches"
 
 
@@ -107,7 +107,6 @@ SYNC_AND_ITS_PERIOD = {
 """Recipe's period, and what stands in the bench file of the encoders; 2 ms is the period of the other tests here."""
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("case", SYNC_AND_ITS_PERIOD)
 def test_values_that_answer_sync_are_as_old_as_the_period_and_no_wider_loop(lostmotion, tmp_path, case):
     """The lag that the bench file declares is the sensor's own, so the same file is right at every period."""

@@ -91,6 +91,7 @@ OTHER_RECIPES = sorted(set(shipped_recipes()) - {"rv-40e-121-quick"})
 STEPPED = "rv-40e-121-measurement"
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", OTHER_RECIPES)
 def test_whatever_the_recipe_the_export_of_its_run_is_evaluated_as_the_run_is(lostmotion, shipped_run, tmp_path, name):
     """What a recipe loads by, ramps, steps or a speed, must be in the file: gates and metrics go by it."""

@@ -16,7 +16,7 @@ from faultlab.rows import ROWS
 from station.bench.request import load_job
 from station.cli.faults import faults as command_faults
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.long]
 ROOT = Path(__file__).parents[2]
 BENCHES = ROOT / "tests" / "data" / "benches"
 

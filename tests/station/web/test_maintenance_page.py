@@ -25,7 +25,7 @@ from definitions.image import State
 sys.path.append(str(Path(__file__).parents[2] / "end_to_end"))
 from test_recover import Apart
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
 
 @pytest.fixture(scope="module")

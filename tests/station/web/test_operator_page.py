@@ -18,7 +18,7 @@ from station.web.people.database import StationDatabase
 from station.web.scanner_test import AS_GERMAN
 from station.web.settings import ScannerTest
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
 
 @pytest.fixture(scope="module")

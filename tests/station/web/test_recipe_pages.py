@@ -11,7 +11,7 @@ from served import Served, prepared, served
 
 from recipes import parse_recipe
 
-pytestmark = [pytest.mark.wires, needs_browser]
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 MISTAKE = "\nbogus: 1"
 
 

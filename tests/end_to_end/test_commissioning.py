@@ -21,7 +21,7 @@ from station.bench.request import DRIVER_PROFILES
 from station.commissioning.on_wires import on_wires
 from station.commissioning.steps_done import write_down
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.long]
 CAN_SENSORS = ROOT / "tests" / "data" / "benches" / "can-sensors.yaml"
 PATIENT = {
     **{part: {"timeout": "500 ms"} for part in ("amplifier", "brake", "remote_io")},
@@ -205,7 +205,6 @@ def test_a_heartbeat_that_nobody_supervises_is_found_by_watchdogs(bench: Bench) 
     assert "controller_heartbeat: consumer_heartbeat" in finding["cure"]
 
 
-@pytest.mark.long
 def test_a_gain_ten_times_too_high_is_found_by_tune(bench: Bench) -> None:
     write_changed(bench.file, bench.file, {"torque_control": {"gain": 150}})
     bench.passed_before("tune")

@@ -15,7 +15,7 @@ from run_samples import read_back
 from station.cli.faults import faults as command_faults
 from station.cli.runs.replay import replay_run
 
-pytestmark = pytest.mark.wires
+pytestmark = [pytest.mark.wires, pytest.mark.long]
 
 IN_CALIBRATION = {
     "sampling": {"period": "4 ms"},

@@ -23,7 +23,7 @@ from station.documents.entries import alongside, plain
 from station.errors import StationError
 
 if TYPE_CHECKING:
-    from station.commissioning.watchdogs import Reaction
+    from station.commissioning.watchdogs import Reaction, Trial
 
 NOT_PASSED = 1
 Block = str | Grid
@@ -231,7 +231,7 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
             "yes" if one.acted else "no",
             "" if not one.acted else f"{one.seen_enabled_s * 1e3:.0f} to {one.after_s * 1e3:.0f} ms",
             "" if one.off_s is None else f"{one.off_s * 1e3:.0f} ms",
-            _timeout(trial.protection is None, one.timeout_s),
+            _timeout(trial, one),
             f"0x{one.emcy_code:04X}" if one.emcy_code else "",
         )
         for trial, one in zip(trials.TRIALS, reactions, strict=True)
@@ -242,11 +242,11 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
     return end(bench, done, [Grid(heads, rows)], said, as_json=as_json)
 
 
-def _timeout(any_may_act: bool, seconds: float | None) -> str:  # noqa: FBT001 - which kind of trial
+def _timeout(trial: Trial, reaction: Reaction) -> str:
     """Return the time-out of a trial: the one that is tried, or the longest of those that may act."""
-    if seconds is None:
+    if reaction.timeout_s is None:
         return "none"
-    return f"{'at most ' if any_may_act else ''}{seconds * 1e3:g} ms"
+    return f"{'' if trial.protection else 'at most '}{reaction.timeout_s * 1e3:g} ms"
 
 
 STALE_MS = 500

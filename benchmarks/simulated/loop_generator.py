@@ -24,6 +24,11 @@ PLAYS = 24
 EXACT_EVERY = 4
 """Samples between which the wind-up is straight; it is off by 2e-4 arcmin at most, where a play begins to move."""
 
+ROWS_AT_ONCE = 2000
+
+ENERGY_POINTS, TURN_POINTS = 5001, 5001
+"""Torques at which the energy is summed up, which is then right to 3e-7, and the friction at a turn is read."""
+
 STOPS = 16
 PERIOD_S = 1e-3
 
@@ -68,10 +73,16 @@ class Kind:
         """Angle [arcmin] of gap, contacts and spring under a torque that no friction takes from."""
         torque = np.asarray(torque_nm, dtype=np.float64)
         share = np.abs(torque) / self.rated_nm
-        contact = np.sign(torque) * ((share + 1e-3) ** (2.0 / 3.0) - 1e-2)
+        # by logarithms: a power takes four times as long
+        contact = np.copysign(np.exp(np.log(share + 1e-3) * (2.0 / 3.0)) - 1e-2, torque)
         gap = np.arctan(torque / (self.gap_torque * self.rated_nm)) / math.pi
         angle = self.gap_arcmin * gap + self.hertz_arcmin * contact + torque / self.spring_nm_per_arcmin
-        return np.where(torque < 0.0, self.negative_angle * angle, angle)
+        return angle if self.negative_angle == 1.0 else np.where(torque < 0.0, self.negative_angle * angle, angle)
+
+    def mean_angle(self, plays: np.ndarray) -> np.ndarray:
+        """Mean angle [arcmin] of all plays, a row each time; so many rows at a time as stay near the processor."""
+        pieces = [plays[first : first + ROWS_AT_ONCE] for first in range(0, len(plays), ROWS_AT_ONCE)]
+        return np.concatenate([np.asarray(self.elastic(piece)).mean(axis=1) for piece in pieces])
 
     def _reach(self, torque_nm: np.ndarray, direction: int) -> np.ndarray:
         """Where each play is when it is dragged along: a column per play."""
@@ -88,7 +99,7 @@ class Kind:
         """Angle [arcmin] on a branch of the closed loop between ±peak: the truth."""
         turn = self._reach(np.array([-direction * peak_nm]), -direction)[0]
         along = self.moved(turn, np.atleast_1d(np.asarray(torque_nm, dtype=np.float64)), direction)
-        return np.asarray(self.elastic(along)).mean(axis=1)
+        return self.mean_angle(along)
 
 
 KINDS = {
@@ -136,7 +147,7 @@ def _least_squares(unit: Kind, side: int, peak_nm: float) -> float:
 
 
 def _energy(unit: Kind, _: int, peak_nm: float) -> float:
-    grid = np.linspace(-peak_nm, peak_nm, 40_001)
+    grid = np.linspace(-peak_nm, peak_nm, ENERGY_POINTS)
     return float(np.trapezoid(unit.angle(grid, -1, peak_nm) - unit.angle(grid, 1, peak_nm), grid))
 
 
@@ -168,7 +179,7 @@ def reversing_nm(unit: Kind, peak_nm: float) -> tuple[float, float]:
     torque, and by 2.25 times the friction torque at most; that times how far the steepness over it lies between a third
     and two thirds.
     """
-    grid = np.linspace(-peak_nm, peak_nm, 20_001)
+    grid = np.linspace(-peak_nm, peak_nm, TURN_POINTS)
     rising, falling = unit.angle(grid, 1, peak_nm), unit.angle(grid, -1, peak_nm)
     middle = rising[0] + (rising[-1] - rising[0]) * np.linspace(0.25, 0.75, 501)
     friction = float(np.median(np.interp(middle, rising, grid) - np.interp(middle, falling, grid))) / 2.0
@@ -313,7 +324,7 @@ class Course:
 def _windup(unit: Kind, torque_nm: np.ndarray, plays: np.ndarray) -> np.ndarray:
     """Wind-up [arcmin] along one direction: exact at every fourth sample, straight between; plays: a row per sample."""
     there = np.unique(np.append(np.arange(0, torque_nm.size, EXACT_EVERY), torque_nm.size - 1))
-    exact = np.asarray(unit.elastic(plays[there])).mean(axis=1)
+    exact = unit.mean_angle(plays[there])
     return np.interp(np.arange(torque_nm.size), there, exact)
 
 
@@ -374,11 +385,11 @@ def held(unit: Kind, ramp: Ramp, hold: Hold, period_s: float) -> Ramp:
     over = at + max(1, round(hold.overshoot_nm / step))
     back = torque[at:over][::-1]
     after = unit.moved(along[over - 1], back, -direction)
-    returned = np.asarray(unit.elastic(after)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    returned = unit.mean_angle(after) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
     rest = max(1, round(hold.rest_s / period_s))
     creep = direction * hold.creep_arcmin
     again = unit.moved(after[-1], torque[at:], direction)
-    onward = np.asarray(unit.elastic(again)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    onward = unit.mean_angle(again) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
     return (
         np.concatenate((torque[:over], back, np.full(rest, back[-1]), torque[at:])),
         np.concatenate((along[:over], after, np.repeat(after[-1:], rest, axis=0), again)),

@@ -45,7 +45,7 @@ DEFAULT_CAPACITY = 60_000
 MAILBOX_SLOTS = 16
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - the kernel's shared memory, not a temporary folder
 FILE_PREFIX = "lostmotion-ring-"
-CHECK_RUN = "Check that its run is still on, and start the run again if it is not"
+CHECK_RUN = "Check that its run is still in progress; if it is not, start the run again"
 
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3

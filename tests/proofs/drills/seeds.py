@@ -2,7 +2,7 @@
 
 `python tests/proofs/drills/seeds.py [COUNT] [FIRST]` makes them (`make seeds SEEDS=1000`). A seed draws the unit, the
 noise of its sensors, and what happens: nothing, a stop, a quick stop, or a fault at a random moment, in half of those
-with the way back. The two processes have nothing in common but the seed: not the order of their hashes, not the memory.
+with the recovery. The two processes have nothing in common but the seed: not the order of their hashes, not the memory.
 """
 
 from __future__ import annotations

@@ -28,7 +28,7 @@ BENCHES = Path(__file__).parents[1] / "data" / "benches"
 
 
 PERIOD_MS = 4
-"""Of the quick recipe here: the wires are looked at once in a scan, and a quarter of the scans shows what they carry."""
+"""Of the quick recipe here: the wires are looked at once in a scan, and a quarter of them shows what they carry."""
 
 
 @pytest.fixture(scope="module")

@@ -149,7 +149,8 @@ class Pace:
         try:
             self._ask(Kind.BEGIN, period_ns)
             if self._socket is not None:
-                wait = struct.pack("ll", 0, round(LONGEST_WAIT_S * 1e6))
+                seconds, rest_s = divmod(LONGEST_WAIT_S, 1.0)
+                wait = struct.pack("ll", int(seconds), round(rest_s * 1e6))
                 self._socket.settimeout(None)
                 self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_RCVTIMEO, wait)
                 self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, wait)

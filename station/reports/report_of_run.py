@@ -31,7 +31,10 @@ def shown_of(run: RunRecord) -> Shown:
     except AnalysisError:
         job = stored_job(run)
     except RecipeError as error:
-        raise RecordError(f"{run.id}: no report: its recipe or bench cannot be read any more: {error}") from error
+        raise RecordError(
+            f"{run.id}: the report cannot be made: its recipe or bench file cannot be read: {error}. Restore the run "
+            "from a backup"
+        ) from error
     return Shown(job, result, None)
 
 

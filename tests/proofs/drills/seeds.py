@@ -93,7 +93,7 @@ def draw(seed: int) -> tuple[str, str, Scenario]:
         at = dice.randrange(1, LATEST_SCANS)
         way_back = (("acknowledge", at), ("reset", at + dice.randrange(1, 200)))
         operator += tuple(Operator(command=c, when=When(state="fault", after_scans=n)) for c, n in way_back)
-        words += ", way back from a fault"
+        words += ", recovery after a fault"
     return unit, words, Scenario(scenario=Header(name=f"seed {seed}"), faults=faults, operator=operator)
 
 

@@ -16,7 +16,7 @@ from station.errors import StationError
 from station.store.places import StorePlace
 from station.store.tables import METADATA
 
-HEAD = "0004"
+HEAD = "0005"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"

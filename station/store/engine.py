@@ -17,7 +17,7 @@ from station.store.places import StorePlace
 from station.store.tables import METADATA
 
 ACTION = "Check that the database runs and that this user may write it"
-HEAD = "0004"
+HEAD = "0005"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"

@@ -72,7 +72,7 @@ class Course:
 def _windup(unit: Kind, torque_nm: np.ndarray, plays: np.ndarray) -> np.ndarray:
     """Wind-up [arcmin] along one direction: exact at every fourth sample, straight between; plays: a row per sample."""
     there = np.unique(np.append(np.arange(0, torque_nm.size, EXACT_EVERY), torque_nm.size - 1))
-    exact = np.asarray(unit.elastic(plays[there])).mean(axis=1)
+    exact = unit.mean_angle(plays[there])
     return np.interp(np.arange(torque_nm.size), there, exact)
 
 
@@ -133,11 +133,11 @@ def held(unit: Kind, ramp: Ramp, hold: Hold, period_s: float) -> Ramp:
     over = at + max(1, round(hold.overshoot_nm / step))
     back = torque[at:over][::-1]
     after = unit.moved(along[over - 1], back, -direction)
-    returned = np.asarray(unit.elastic(after)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    returned = unit.mean_angle(after) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
     rest = max(1, round(hold.rest_s / period_s))
     creep = direction * hold.creep_arcmin
     again = unit.moved(after[-1], torque[at:], direction)
-    onward = np.asarray(unit.elastic(again)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    onward = unit.mean_angle(again) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
     return (
         np.concatenate((torque[:over], back, np.full(rest, back[-1]), torque[at:])),
         np.concatenate((along[:over], after, np.repeat(after[-1:], rest, axis=0), again)),

@@ -10,6 +10,9 @@ import numpy as np
 
 from benchmarks.simulated.kinds import Kind, mean, width
 
+ENERGY_POINTS, TURN_POINTS = 5001, 5001
+"""Torques at which the energy is summed up, which is then right to 3e-7, and the friction at a turn is read."""
+
 
 def _secant(unit: Kind, side: int, peak_nm: float, *, loading: bool) -> float:
     half, full = 0.5 * side * unit.rated_nm, side * unit.rated_nm
@@ -31,7 +34,7 @@ def _least_squares(unit: Kind, side: int, peak_nm: float) -> float:
 
 
 def _energy(unit: Kind, _: int, peak_nm: float) -> float:
-    grid = np.linspace(-peak_nm, peak_nm, 40_001)
+    grid = np.linspace(-peak_nm, peak_nm, ENERGY_POINTS)
     return float(np.trapezoid(unit.angle(grid, -1, peak_nm) - unit.angle(grid, 1, peak_nm), grid))
 
 
@@ -63,7 +66,7 @@ def reversing_nm(unit: Kind, peak_nm: float) -> tuple[float, float]:
     torque, and by 2.25 times the friction torque at most; that times how far the steepness over it lies between a third
     and two thirds.
     """
-    grid = np.linspace(-peak_nm, peak_nm, 20_001)
+    grid = np.linspace(-peak_nm, peak_nm, TURN_POINTS)
     rising, falling = unit.angle(grid, 1, peak_nm), unit.angle(grid, -1, peak_nm)
     middle = rising[0] + (rising[-1] - rising[0]) * np.linspace(0.25, 0.75, 501)
     friction = float(np.median(np.interp(middle, rising, grid) - np.interp(middle, falling, grid))) / 2.0

@@ -175,7 +175,7 @@ def test_a_result_of_any_shape_is_told_and_no_crash(run: RunRecord, tmp_path: Pa
         said = report(run, tmp_path / "out")
     except StationError as error:
         said = str(error)
-    assert "RECORD ALTERED" in said or f"{run.id}: no report" in said
+    assert "RECORD ALTERED" in said or f"{run.id}: the report cannot be made" in said
 
 
 def test_a_report_that_cannot_be_written_is_told(run: RunRecord, tmp_path: Path) -> None:

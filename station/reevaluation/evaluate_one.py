@@ -5,9 +5,10 @@ Nothing is written, and nothing but the run and the question decides the answer.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from functools import cache, lru_cache
 from pathlib import Path
@@ -70,7 +71,10 @@ class MetricOutcome:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a job; error: why it could not be evaluated, '' where it was. software: that evaluated it."""
+    """What became of a job; error: why it could not be evaluated, '' where it was. software: that evaluated it.
+
+    processor_s: processor time that it took.
+    """
 
     run: str
     verdict: str = ""
@@ -78,6 +82,7 @@ class Outcome:
     metrics: tuple[MetricOutcome, ...] = ()
     error: str = ""
     software: str = ""
+    processor_s: float = 0.0
 
 
 @cache
@@ -89,6 +94,11 @@ def software_key() -> str:
 
 def evaluate_one(job: Job, question: Question) -> Outcome:
     """Return what a run says by a question; an error of the run is an outcome, too."""
+    begun = time.process_time()
+    return replace(_outcome(job, question), processor_s=time.process_time() - begun)
+
+
+def _outcome(job: Job, question: Question) -> Outcome:
     try:
         found, recipe = _from_trace(job, question) if job.trace_sha256 else _from_record(job, question)
     except (StationError, RecipeError, AnalysisError, OSError) as error:

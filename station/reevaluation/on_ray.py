@@ -21,6 +21,16 @@ HERE = "local"
 
 TOKENS = ("RAY_AUTH_TOKEN", "RAY_AUTH_TOKEN_PATH")
 LOOPBACK = "127.0.0.1"
+STORE_BYTES = 100_000_000
+"""Of the shared memory of a local cluster: nothing but questions and answers is in it."""
+
+ON_LOOPBACK = {
+    "RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0",  # Ray's own way to listen on loopback alone: no other computer can join
+    "RAY_raylet_start_wait_time_s": "120",
+    "RAY_health_check_failure_threshold": "60",
+}
+"""How a cluster of this computer alone is started; a busy computer is waited for."""
+
 AHEAD = 4
 """Jobs that are handed out for each processor: enough that none waits."""
 
@@ -75,6 +85,8 @@ def _connected(address: str, count: int) -> Any:
         )
     os.environ["RAY_AUTH_MODE"] = "token"
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
+    if address == HERE:
+        os.environ |= ON_LOOPBACK
     try:
         import ray  # noqa: PLC0415 - of the extra `cluster`
         import ray.exceptions  # noqa: PLC0415 - as above
@@ -82,12 +94,12 @@ def _connected(address: str, count: int) -> Any:
         raise ReevaluationError("Ray is not installed. Install it: pip install 'lostmotion[cluster]'") from error
     named: Any = {"include_dashboard": False, "logging_level": "ERROR", "log_to_driver": False}
     if address == HERE:
-        named |= {"address": HERE, "num_cpus": count, "_node_ip_address": LOOPBACK}
+        named |= {"address": HERE, "num_cpus": count, "_node_ip_address": LOOPBACK, "object_store_memory": STORE_BYTES}
     else:
         named |= {"address": address}
     try:
         ray.init(**named)
-    except (ConnectionError, RuntimeError, ValueError, OSError, ray.exceptions.RayError) as error:
+    except Exception as error:  # of any class: Ray raises plain exceptions where a part of it does not start
         cause = " ".join(str(error).split())[:300]
         raise ReevaluationError(
             f"--cluster {address}: cannot be reached: {cause}. Check the address and the token"

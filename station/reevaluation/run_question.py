@@ -36,7 +36,8 @@ class Means:
 class Reevaluated:
     """What came of a question: a line for each run, runs that could not be evaluated, and what it took.
 
-    known: runs whose line was there already. died: how many processes died in the middle of a run.
+    known: runs whose line was there already. died: how many processes died in the middle of a run. processor_s: what
+    the evaluations took of a processor, without those that died.
     """
 
     question: str
@@ -47,6 +48,7 @@ class Reevaluated:
     failed: dict[str, str] = field(default_factory=dict)
     known: int = 0
     died: int = 0
+    processor_s: float = 0.0
     seconds: float = 0.0
     digest: str = ""
     twice: int = 0
@@ -92,6 +94,7 @@ def ask_of_runs(
         found.known = len(jobs) - len(todo)
         done = found.known
         for job, outcome in evaluated(todo):
+            found.processor_s += outcome.processor_s
             error = outcome.error or _other_software(outcome, found.software)
             if error:
                 found.failed[job.run] = error

@@ -82,6 +82,7 @@ def _document(found: Reevaluated) -> object:
         "known": found.known,
         "processes_replaced": found.died,
         "seconds": round(found.seconds, 3),
+        "processor_s": round(found.processor_s, 3),
         "changes": changes,
         "flips": [
             {"run": one.run, "serial": one.serial, "before": one.before, "after": one.after, "reasons": one.reasons}

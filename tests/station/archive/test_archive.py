@@ -123,6 +123,28 @@ def test_a_copy_takes_the_place_of_the_record_by_rule_and_comes_back_the_same(ar
         fetch(data, place, run.name)
 
 
+def test_the_command_removes_what_the_archive_holds_and_asks_for_a_backup_where_a_rule_does(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    for number, serial in enumerate(("A", "A", "B")):
+        store_run(data, serial, [metric(0.4)], day=number, virtual="P1")
+    (data / "archive.yaml").write_text(f"url: {tmp_path / 'archive'}\n", encoding="utf-8")
+    words = ("retention", "apply", "--operator", "A. Tester", "--data", str(data))
+    (data / "retention.yaml").write_text(RULES.replace(", kept_in: archive", ""), encoding="utf-8")
+    told = here(*words)
+    assert (told.exit_code, "--backup is missing" in told.err) == (2, True), told
+    (data / "retention.yaml").write_text(RULES, encoding="utf-8")
+    told = here(*words)
+    assert (told.exit_code, "is not in the archive" in told.out) == (1, True), told
+    assert here("archive", "push", "--data", str(data)).exit_code == 0
+    first = Store(data).runs()[0]
+    told = here(*words)
+    assert "1 runs removed" in told.out, told
+    assert not first.folder.exists()
+    assert here("archive", "status", "--data", str(data), "--json").json["only_archived"] == 1
+    with look_at(data) as view:
+        assert view.problems == []
+
+
 KILLS = {
     "before anything is put": (Place, "put", True),
     "when the temporary name is written": (Place, "_upload", False),

@@ -99,6 +99,29 @@ def write_atomic(path: Path, content: bytes, *, flush: bool = True) -> None:
         raise refused(path, error) from error
 
 
+def append_line(path: Path, line: bytes) -> None:
+    """Add a line to a file durably, which is made if it is not there; a torn line before it stays one of its own.
+
+    Raises:
+        RecordError: the disk refuses it.
+
+    """
+    new = not path.exists()
+    try:
+        handle = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        try:
+            size = os.fstat(handle).st_size
+            torn = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
+            os.write(handle, (b"\n" if torn else b"") + line + b"\n")
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        if new:
+            sync_folder(path.parent)
+    except OSError as error:
+        raise refused(path, error) from error
+
+
 def reserve(path: Path, size: int) -> None:
     """Take room on the disk, in bytes, for the next `write_atomic` of this path, which a full disk then takes.
 

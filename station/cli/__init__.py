@@ -25,6 +25,7 @@ from station.cli.measure import commands as cli_measure
 from station.cli.quality.commands import quality_app
 from station.cli.runs import commands as cli_runs
 from station.cli.store import commands as cli_store
+from station.cli.store.archive_commands import archive_app
 from station.cli.store.commands import retention_app, store_app
 from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
@@ -83,6 +84,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "show": cli_runs.show,
         "report": cli_runs.report,
         "analyze": cli_runs.analyze,
+        "reevaluate": cli_runs.reevaluate,
         "metrics": cli_runs.metrics,
         "export": cli_runs.export,
         "replay": cli_runs.replay,
@@ -90,6 +92,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "backup": cli_store.backup,
         "restore": cli_store.restore,
         "retention": retention_app,
+        "archive": archive_app,
         "store": store_app,
     },
     "Station": {"serve": cli_web.serve, "recipes": recipes_app, "users": users_app, "audit": cli_web.audit_app},

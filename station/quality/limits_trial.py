@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from analysis.evaluation.guard_band import Risks, normal_process, risks
 from analysis.evaluation.verdict import check_limits
@@ -80,6 +81,39 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
     """
     lot = production.one_recipe(lot)
     what = characteristic(production, lot, tried.metric, tried.branch)
+    run, before, after = rules_of(production, lot, what, tried)
+    check_limits(what.name, after.limit_min, after.limit_max)
+    counts = flips(production, lot, what, after)
+    changing = sum(number for (was, new), number in counts.items() if was != new)
+    return Trial(
+        lot,
+        what,
+        before,
+        after,
+        run,
+        sum(counts.values()),
+        tuple((was, new, number) for (was, new), number in counts.items()),
+        tuple(flipped(production, lot, what, after, most)),
+        changing,
+        tuple(_side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
+    )
+
+
+class Rules(NamedTuple):
+    """The newest run of a lot, the rule of its recipe, and the one that is tried."""
+
+    run: str
+    before: Rule
+    after: Rule
+
+
+def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Tried) -> Rules:
+    """Return the rule of the newest run's recipe for a metric, and the one that is tried.
+
+    Raises:
+        StationError: nothing is tried, or the recipe limits the spread of the metric too. RecipeError: of that recipe.
+
+    """
     run = newest_run(production, lot)
     recipe = _recipe(production.chain.data, run)
     spread = [one for one in recipe.metrics if one.id == what.metric and one.max_standard_deviation is not None]
@@ -97,21 +131,7 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
     )
     if after == before:
         raise StationError("no limit differs from the recipe: give --min, --max or --guard-factor another value")
-    check_limits(what.name, after.limit_min, after.limit_max)
-    counts = flips(production, lot, what, after)
-    changing = sum(number for (was, new), number in counts.items() if was != new)
-    return Trial(
-        lot,
-        what,
-        before,
-        after,
-        run,
-        sum(counts.values()),
-        tuple((was, new, number) for (was, new), number in counts.items()),
-        tuple(flipped(production, lot, what, after, most)),
-        changing,
-        tuple(_side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
-    )
+    return Rules(run, before, after)
 
 
 def _limit(tried: float | None, there: float | None) -> float | None:
@@ -161,8 +181,8 @@ def draft_of(data: Path, found: Trial, person: str) -> Revision:
     places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
     if len(places) != 1:
         raise StationError(
-            f"{found.metric.metric} occurs {len(places)} times in the recipe's own metrics, once is needed; change "
-            "the recipe in the station"
+            f"{found.recipe_run}: {path.name}: found {len(places)} entries of {found.metric.metric} under metrics; "
+            "expected exactly one. Change the limits by hand on the page Recipes"
         )
     for name in ("limit_min", "limit_max"):
         now, new = getattr(found.before, name), getattr(found.after, name)

@@ -17,6 +17,7 @@ from station.documents.entries import plain
 from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
 from station.documents.result import Result
 from station.errors import RecordError, StationError
+from station.records.archive_note import only_archived
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
 from station.records.process_birth import process_birth
@@ -245,6 +246,12 @@ class Store:
         if Path(name).is_dir() and not exact and not by_serial:
             raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
+        archived = [] if name == "last" or exact or by_serial else only_archived(self.data, name)
+        if archived and not any(name in one and self._is_run(one) for one in names):
+            raise StationError(
+                f"{archived[-1]}: this run is only in the archive. Bring it back with "
+                f"'lostmotion archive fetch {archived[-1]}'"
+            )
         if newest is None:
             raise StationError(
                 f"{self.data}: holds no runs. Measure one with 'lostmotion run', or name another folder with --data"

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from station.errors import RecordError
+from station.records.archive_note import read_note
 from station.records.chain.chain_file import Chain
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
@@ -33,6 +34,8 @@ class Verified:
     problems: list[Problem]
     removed: int = 0
     """Runs whose records a retention rule has removed; each has its signed line."""
+    only_archived: int = 0
+    """Of them those that are in the archive, by the note of the folder."""
 
 
 def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = True) -> Verified:
@@ -74,8 +77,10 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
             problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
     history = History(data, trust.keys)
     problems += [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
-    gone = sum(line.key in trust.keys and run not in {one.id for one in runs} for run, line in found.removed.items())
-    return Verified(chain, found, trust, len(runs), concluded, problems, gone)
+    here = {one.id for one in runs}
+    gone = {run for run, line in found.removed.items() if line.key in trust.keys and run not in here}
+    kept = len(gone & read_note(data).runs.keys()) if gone else 0
+    return Verified(chain, found, trust, len(runs), concluded, problems, len(gone), kept)
 
 
 def _named_in(run: RunRecord) -> str | None:

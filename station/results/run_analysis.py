@@ -9,13 +9,14 @@ from analysis.evaluation.pipeline import Result
 from analysis.trace.trace import Trace
 from recipes import OWN, Bench, Recipe, Selection
 from station.bench.request import Job, stored_job
+from station.documents.exported import Counts
 from station.documents.timing import Timing
 from station.errors import StationError
 from station.records.program_file import StoredProgram
 from station.records.run_record import TIMING, RunRecord
 from station.records.samples.samples import checked_samples
 from station.records.seal import alterations
-from station.records.timing_proof import objections_to_clock, run_facts
+from station.records.timing_proof import counts_of, facts_of_counts, objections_to_clock
 from station.results.evaluation import evaluate_trace, trace_of
 
 
@@ -45,14 +46,36 @@ def evaluate_run(
         RecordError, AnalysisError: what cannot be read or evaluated.
 
     """
+    recorded = recorded_trace(run, bench)
+    facts = facts_of_counts(recorded.counts, recorded.period_ns, recipe.sampling)
+    against = [*recorded.objections, *objections]
+    return recorded.trace, evaluate_trace(recorded.trace, recipe, bench, against, facts, selection, draws=draws)
+
+
+@dataclass(frozen=True)
+class RecordedTrace:
+    """A trace with what its record says of it: what was counted, the scan period, and what speaks against it."""
+
+    trace: Trace
+    counts: Counts
+    period_ns: int
+    objections: tuple[str, ...]
+
+
+def recorded_trace(run: RunRecord, bench: Bench) -> RecordedTrace:
+    """Return the trace of a complete run, as a bench reads it, with what an evaluation asks of its record.
+
+    Raises:
+        StationError: it cannot be read.
+
+    """
     manifest, timing = run.manifest(), run.read(Timing, TIMING)
     read_back, table = checked_samples(run, manifest.records)
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     broken += objections_to_clock(timing)
-    facts = run_facts(table, timing, recipe.sampling)
     segments = StoredProgram.of(run).segments
     trace = trace_of(table, segments, bench, manifest.period_ns, run.id)
-    return trace, evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, selection, draws=draws)
+    return RecordedTrace(trace, counts_of(table, timing), timing.period_ns, tuple(broken))
 
 
 def complete_run(run: RunRecord) -> RunAnalysis:
@@ -64,7 +87,9 @@ def complete_run(run: RunRecord) -> RunAnalysis:
     """
     state = run.state()
     if state != "complete":
-        raise StationError(f"{run.id}: the run ended as {state}: it has no complete trace to evaluate")
+        raise StationError(
+            f"{run.id}: the run ended as {state}: it has no complete trace to evaluate. Measure the unit again"
+        )
     altered = alterations(run)
     if altered:
         raise StationError(

@@ -7,7 +7,6 @@ from pathlib import Path
 
 from recipes import Bench, Recipe, RecipeError, check_side, out_of_date
 from station.errors import StationError
-from station.records.run_record import RunRecord
 
 
 def objections_to_bench(recipe: Recipe, bench: Bench, day: date) -> list[str]:
@@ -23,22 +22,22 @@ def objections_to_bench(recipe: Recipe, bench: Bench, day: date) -> list[str]:
     return out_of_date(recipe, bench, day)
 
 
-def check_recipe_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: RunRecord) -> None:
-    """Refuse a recipe that cannot say anything about the unit of a run."""
+def check_recipe_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: str) -> None:
+    """Refuse a recipe that cannot say anything about the unit of a run; own: its own recipe."""
     asked, was = recipe.unit_under_test.model, own.unit_under_test.model
     if asked != was:
         raise StationError(
-            f"{recipe_file}: unit_under_test.model: found {asked}; run {run.id} measured a {was}. "
+            f"{recipe_file}: unit_under_test.model: found {asked}; run {run} measured a {was}. "
             "Choose a recipe for that model",
         )
     if recipe.loading != own.loading:
         raise StationError(
-            f"{recipe_file}: loading: found {recipe.loading}; run {run.id} was loaded at its {own.loading}. "
+            f"{recipe_file}: loading: found {recipe.loading}; run {run} was loaded at its {own.loading}. "
             f"Choose a recipe with loading: {own.loading}",
         )
     ratio, was_ratio = recipe.unit_under_test.ratio, own.unit_under_test.ratio
     if ratio != was_ratio:
         raise StationError(
-            f"{recipe_file}: unit_under_test.ratio: found {ratio:g}; run {run.id} measured a {was} of {was_ratio:g}. "
+            f"{recipe_file}: unit_under_test.ratio: found {ratio:g}; run {run} measured a {was} of {was_ratio:g}. "
             "One model has one ratio: correct the recipe that is wrong",
         )

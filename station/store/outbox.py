@@ -18,6 +18,7 @@ from station.records.chain.chain_file import Chain, folder_id
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Place, Walk, walk
 from station.records.run_record import MANIFEST, RunRecord
+from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
 from station.store.projection import put_rows, remove_rows, rows_of
 from station.store.tables import PROJECTIONS, RUNS
@@ -163,6 +164,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
         remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
         remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
+        put_archived(connection, chain)
     runs = [
         RunRecord(chain.data / run)
         for run in dict.fromkeys((*found.created, *found.sealed))

@@ -5,7 +5,8 @@
 
 The first rule that fits a run counts; a run that no rule fits is kept. Never removed are a run that was not concluded
 or is not as it was sealed, the newest run of a bench, of a master part and of a serial number, and one of which not
-every file is in a backup with the same SHA-256. What is removed has a signed line in the chain, and is not missing.
+every file is in a backup with the same SHA-256; by a rule with `kept_in: archive`, one whose copy in the archive, read
+then, lacks a byte that is sealed. What is removed has a signed line in the chain, and is not missing.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from station.reports.report_of_run import loop_of
 FILE = "retention.yaml"
 PRODUCT, MASTER, VIRTUAL_RUN, INJECTED = "product", "master", "virtual", "injected"
 TRACE, NOTHING = "trace", "nothing"
+BACKUP, ARCHIVE = "backup", "archive"
 KEPT_OF_A_TRACE = (MANIFEST, RESULT, "recipe.yaml", "bench.yaml")
 
 RunClass = Literal["product", "master", "virtual", "injected"]
@@ -47,7 +49,8 @@ class Rule(BaseModel):
     """A row: which runs, for how many days their whole record is kept, and what is kept then.
 
     `run_class`: product, master (part), virtual (bench or time), injected (faults). `verdict`: none is that of a run
-    that did not come to its end. Where either is left out, any fits. `then`: trace keeps result and loop.
+    that did not come to its end. Where either is left out, any fits. `then`: trace keeps result and loop. `kept_in`:
+    where a copy of the record must be before it goes.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True)
@@ -57,6 +60,7 @@ class Rule(BaseModel):
     verdict: Outcome | None = None
     keep_days: Annotated[int, Field(ge=1, le=36_500)]
     then: Literal["trace", "nothing"]
+    kept_in: Literal["backup", "archive"] = "backup"
 
     def fits(self, run: Manifest) -> bool:
         """Say whether a run is one that the rule is for."""
@@ -81,7 +85,10 @@ class Rules(BaseModel):
 
 
 class Planned(NamedTuple):
-    """A run that a rule is for and whose days are over; why_not: what stands against its removal, '' for nothing."""
+    """A run that a rule is for and whose days are over; why_not: what stands against its removal, '' for nothing.
+
+    kept_in: where a copy of its record must be.
+    """
 
     run: str
     serial: str
@@ -90,6 +97,7 @@ class Planned(NamedTuple):
     days: int
     bytes: int
     why_not: str = ""
+    kept_in: str = BACKUP
 
 
 @dataclass(frozen=True)
@@ -145,7 +153,7 @@ def plan(data: Path, rules: Rules, now: datetime) -> tuple[Planned, ...]:
         if days > rule.keep_days:
             why = _why_not(run, manifest, newest)
             size = sum(one.stat().st_size for one in run.folder.rglob("*") if one.is_file())
-            planned.append(Planned(run.id, manifest.serial, rule.id, rule.then, days, size, why))
+            planned.append(Planned(run.id, manifest.serial, rule.id, rule.then, days, size, why, rule.kept_in))
     return tuple(planned)
 
 
@@ -179,10 +187,13 @@ def apply(
     backed_up: Mapping[str, str],
     person: str,
     told: Callable[[Planned], None] = lambda _: None,
+    *,
+    why_not_archived: Callable[[RunRecord], str] = lambda _: "is not in the archive",
 ) -> Removal:
-    """Remove what is planned and stands in a backup; a trace is kept and the chain has its line before a file goes.
+    """Remove what is planned and has its copy; a trace is kept and the chain has its line before a file goes.
 
-    backed_up: SHA-256 of every file in the backup, by its path in the data folder.
+    backed_up: SHA-256 of every file in the backup, by its path in the data folder. why_not_archived: compares the copy
+    of a run in the archive, and returns why it cannot stand in for the record, '' where it can.
 
     Raises:
         RecordError: the chain or a trace cannot be written; what was removed until then has its line.
@@ -191,7 +202,7 @@ def apply(
     removed, kept = [], []
     for one in planned:
         run = RunRecord(data / one.run)
-        why = one.why_not or _not_backed_up(data, run, backed_up)
+        why = one.why_not or (why_not_archived(run) if one.kept_in == ARCHIVE else _not_backed_up(data, run, backed_up))
         files: dict[str, bytes] = {}
         if not why and one.then == TRACE:
             try:

@@ -1,6 +1,6 @@
 """The tables of the store. Every row belongs to one data folder, named by its chain.
 
-All but `projections` can be made again from the run folders; nothing else is kept here.
+All but `projections` can be made again from the run folders and the note on their archive; nothing else is kept here.
 """
 
 from __future__ import annotations
@@ -203,6 +203,21 @@ CALIBRATIONS = _of_a_chain(
     Column("points", Integer),
 )
 """Torque ratios that runs measured, one row for each quadrant."""
+
+ARCHIVED = _of_a_chain(
+    "archived",
+    _key("run"),
+    Column("sha256", Text, nullable=False),
+    Column("url", Text, nullable=False),
+    Column("object", Text, nullable=False),
+    Column("object_sha256", Text, nullable=False),
+    Column("row_group", Integer, nullable=False),
+    Column("trace_object", Text),
+    Column("trace_row_group", Integer),
+    Column("trace_sha256", Text),
+    Column("verified", Text, nullable=False),
+)
+"""Where archived runs are: made again from `archive.jsonl` of the data folder. `sha256` is that of run.json."""
 
 OF_A_RUN = (ATTEMPTS, RUNS, METRICS, CHECKS, ALARMS, CALIBRATIONS)
 """Tables with rows of single runs."""

@@ -10,6 +10,8 @@ MAPPINGS = {"dict", "Mapping", "MutableMapping"}
 ANYTHING = {"Any", "object"}
 
 NAMED = {
+    "station/archive/full_rows.py": {"Row"},
+    "station/archive/place.py": {"Options"},
     "station/commissioning/trial_run.py": {"Sections"},
     "station/documents/entries.py": {"Plain"},
     "station/log.py": {"Event"},

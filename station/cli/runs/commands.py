@@ -126,6 +126,53 @@ def analyze(
     )
 
 
+def reevaluate(
+    where: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--where",
+            metavar="NAME=VALUE",
+            help="Only runs of this recipe, model, bench, serial, operator, verdict, since or until; may be repeated.",
+        ),
+    ] = None,
+    recipe: Annotated[
+        str | None, typer.Option("--recipe", metavar="NEW", help="Another recipe: the whole records are read.")
+    ] = None,
+    preset: PresetOption = None,
+    metric: ChosenMetricOption = None,
+    limits: Annotated[
+        str | None,
+        typer.Option("--limits", metavar="TEXT", help='Other limits: "lost_motion max=0.9", also min, guard, branch.'),
+    ] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes. Default: one for each core.")
+    ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            "--cluster", metavar="ADDRESS", help="Ray cluster, HOST:PORT, or 'local'; RAY_AUTH_TOKEN must be set."
+        ),
+    ] = None,
+    archive: Annotated[
+        bool, typer.Option("--archive", help="Read the runs in the archive, also those that are here.")
+    ] = False,
+    as_csv: Annotated[bool, typer.Option("--csv", help="A row for each run, as CSV on standard output.")] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
+    """Evaluate many stored runs by another recipe, metric definition or limit; no stored verdict is changed.
+
+    What was evaluated is not evaluated again: the command may be ended and started anew.
+    Exit code: 0, 1 some runs could not be evaluated, 2 bad input.
+    """
+    from station.cli.runs import reevaluate as command_reevaluate
+
+    asked = command_reevaluate.Asked(
+        recipe, preset, tuple(metric or ()), limits, tuple(where or ()), cluster, workers, archive
+    )
+    raise typer.Exit(command_reevaluate.reevaluate_runs(data, asked, as_csv=as_csv, as_json=as_json))
+
+
 def metrics(preset: PresetOption = None, as_json: JsonOption = False) -> None:
     """List the definitions of all metrics and the presets, or of one preset. Exit code: 0, or 2 for no such preset."""
     from station.cli.runs import metrics as command_metrics

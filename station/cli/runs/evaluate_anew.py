@@ -21,7 +21,6 @@ from recipes import (
     check_alone,
     find_bench,
     find_recipe,
-    left_out,
     load_bench,
     load_recipe,
     warnings,
@@ -35,7 +34,7 @@ from station.records.seal import alterations
 from station.reports.stored_result import stored_result
 from station.results.evaluation import decision_of, figures_for, method_of, method_of_recipe, planned_rates, wanted_of
 from station.results.export_origin import Origin, origin_of
-from station.results.judged import judged_in
+from station.results.judged import judged_by_selection, judged_in
 from station.results.run_analysis import evaluate_run
 from station.results.trace_origin import check_recipe_fits, objections_to_bench
 from station.results.unit_hint import in_other_unit, torque_unit_hint
@@ -85,7 +84,7 @@ def elsewhere(
         origin.check_recipe(recipe, recipe_file)
         objections, facts = [*origin.objections, *objections], origin.facts(recipe.sampling)
     found = analyse(trace, method, wanted, decision_of(recipe), objections, facts=facts, figures=figures, draws=draws)
-    judged = _judged_without_bench(_judged_by_selection(judged_in(found), recipe, selection), bench)
+    judged = _judged_without_bench(judged_by_selection(judged_in(found), recipe, selection), bench)
     if bench is None:
         judged = _with_unknown_lag(judged, found)
     judged = _with_warnings(judged, recipe, recipe_file, bench)
@@ -184,12 +183,12 @@ def reevaluate(
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
     recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)
     bench = load_bench(bench_file)
-    check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run)
+    check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run.id)
     other_bench = bench_file.read_bytes() != own_bench.read_bytes()
     reevaluated = selection.made or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
     objections = objections_to_bench(recipe, bench, run.day()) if reevaluated else []
     _, found = evaluate_run(run, recipe, bench, selection, objections, draws=draws)
-    judged = _with_warnings(_judged_by_selection(judged_in(found), recipe, selection), recipe, recipe_file, bench)
+    judged = _with_warnings(judged_by_selection(judged_in(found), recipe, selection), recipe, recipe_file, bench)
     original = manifest.verdict
     if not reevaluated and judged.verdict != original:
         again = "Measure again, and report the record as a defect of the program"
@@ -247,18 +246,6 @@ def _head(recipe: Recipe, recipe_file: Path) -> RecipeHead:
 
 def _sha256(file: Path) -> str:
     return hashlib.sha256(file.read_bytes()).hexdigest()
-
-
-def _judged_by_selection(judged: Judged, recipe: Recipe, selection: Selection) -> Judged:
-    """Return a result; by a choice of metrics that leaves out what the recipe has a limit for, nothing passes."""
-    if not selection.made or judged.verdict != "PASS":
-        return judged
-    left = left_out(recipe, selection)
-    if not left:
-        return judged
-    verb = "leaves" if len(selection.parts) == 1 else "leave"
-    said = f"{selection.text} {verb} out metrics that have limits in the recipe: {', '.join(left)}"
-    return replace(judged, verdict=NOT_DECIDABLE, reasons=(said, *judged.reasons))
 
 
 def _judged_without_bench(judged: Judged, bench: Bench | None) -> Judged:

@@ -102,6 +102,7 @@ class CheckedFolder:
     runs: int
     concluded: int
     removed: int
+    only_archived: int
     passed: bool
     warning: str | None
     problems: tuple[Mapping[str, str], ...]
@@ -118,6 +119,7 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
         runs=one.runs,
         concluded=one.concluded,
         removed=one.removed,
+        only_archived=one.only_archived,
         passed=not one.problems,
         warning=one.trust.warning or None,
         problems=tuple(problem.as_json() for problem in one.problems),
@@ -128,6 +130,9 @@ def _lines(folder: Path, one: Verified) -> list[str]:
     """Return what a person reads: how much was checked, then every kind of problem with what to do about it."""
     signed = f"{one.walk.entries} entries of the chain" if one.chain.there else "no chain: its runs are unsigned"
     gone = f", {one.removed} removed by a retention rule" if one.removed else ""
+    gone += (
+        f" ({one.only_archived} of them only in the archive: 'lostmotion archive fetch')" if one.only_archived else ""
+    )
     lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded{gone}, {signed}"]
     for kind, action in PROBLEMS.items():
         texts = [problem.text for problem in one.problems if problem.kind == kind]

@@ -87,7 +87,7 @@ class Question:
         path = find_recipe(name)
         source = Source.read(path)
         recipe = source.recipe()
-        check_recipe_fits(recipe, path, job.recipe, run)
+        check_recipe_fits(recipe, path, job.recipe, run.id)
         _check_period(recipe, path, job.recipe, run)
         self._run = run
         self._own = job

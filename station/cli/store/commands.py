@@ -36,15 +36,21 @@ def retention_plan(rules: RulesOption = None, data: DataOption = DEFAULT_DATA, a
 
 @retention_app.command("apply")
 def retention_apply(
-    backup: Annotated[Path, typer.Option("--backup", metavar="FILE", help="Backup that contains the runs to remove.")],
     operator: Annotated[
         str, typer.Option("--operator", metavar="NAME", help="Name of the person who removes the records.")
     ],
+    backup: Annotated[
+        Path | None,
+        typer.Option("--backup", metavar="FILE", help="Backup that contains the runs to remove, if a rule needs one."),
+    ] = None,
     rules: RulesOption = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Remove the runs whose retention time is over and that are in a backup. Exit code: 0, 1 some kept, 2 bad input."""
+    """Remove the runs whose retention time is over and that are in a backup, or in the archive.
+
+    Exit code: 0, 1 some kept, 2 bad input.
+    """
     from station.cli.store import retention as command_retention
 
     raise typer.Exit(command_retention.apply_retention(data, rules, backup, operator, as_json=as_json))

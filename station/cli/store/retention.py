@@ -6,10 +6,15 @@ import json
 import sys
 from pathlib import Path
 
+from station.archive.fetch import why_not_archived
+from station.archive.place import Place
+from station.archive.settings import load_settings
 from station.documents.entries import plain
+from station.errors import StationError
 from station.records.backup import backed_up
 from station.records.data_folder import check_operator
-from station.store.retention import Planned, apply, load_rules, plan
+from station.records.run_record import RunRecord
+from station.store.retention import ARCHIVE, BACKUP, Planned, apply, load_rules, plan
 from station.wall_clock import WALL_CLOCK
 from station.web.people import audit
 from station.web.people.database import FILE, StationDatabase
@@ -35,22 +40,34 @@ def plan_retention(data: Path, rules: Path | None, *, as_json: bool) -> int:
     return 0
 
 
-def apply_retention(data: Path, rules: Path | None, backup: Path, operator: str, *, as_json: bool) -> int:
-    """Remove the runs whose days are over and that are in a backup; 0, or 1 where some of them stay.
+def apply_retention(data: Path, rules: Path | None, backup: Path | None, operator: str, *, as_json: bool) -> int:
+    """Remove the runs whose days are over and that are in a backup, or in the archive; 0, or 1 where some of them stay.
+
+    backup: None where no rule asks for one.
 
     Raises:
-        StationError, RecipeError: there are no rules or no whole backup, or the folder cannot be written.
+        StationError, RecipeError: there are no rules or no whole backup, no archive that a rule asks for, or the folder
+            cannot be written.
 
     """
     person = check_operator(operator)
     planned = plan(data, load_rules(data, rules), WALL_CLOCK.now())
+    asked = {one.kept_in for one in planned if not one.why_not}
+    if BACKUP in asked and backup is None:
+        raise StationError(
+            "--backup is missing: a rule keeps copies in a backup. Name it, or write kept_in: archive into the rule"
+        )
+    place = Place(load_settings(data)) if ARCHIVE in asked else None
 
     def told(one: Planned) -> None:
         if not as_json:
             sys.stdout.write(_line(one) + "\n")
             sys.stdout.flush()
 
-    done = apply(data, planned, backed_up(backup), person, told)
+    def why_not(run: RunRecord) -> str:
+        return "is not in the archive" if place is None else why_not_archived(data, place, run)
+
+    done = apply(data, planned, {} if backup is None else backed_up(backup), person, told, why_not_archived=why_not)
     _audit(data, person, done.removed)
     if as_json:
         sys.stdout.write(json.dumps(plain(done), ensure_ascii=False) + "\n")

@@ -53,6 +53,31 @@ def flipped(production: Production, lot: Lot, what: Characteristic, rule: Rule, 
     return [Flip._make(row) for row in production.connection.execute(asked).tuples()]
 
 
+class TriedRun(NamedTuple):
+    """A run with its verdict, and the one under the rule; sha256: of its run.json."""
+
+    run: str
+    serial: str
+    sha256: str
+    before: str
+    after: str
+
+
+def tried_runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> list[TriedRun]:
+    """Return every valid first attempt that has the metric, oldest first."""
+    runs = _runs(production, lot, what, rule)
+    together = (RUNS.c.chain == production.chain.id) & (RUNS.c.run == runs.c.run)
+    columns = (
+        runs.c.run,
+        runs.c.serial,
+        func.coalesce(RUNS.c.sha256, ""),
+        runs.c.before,
+        case(NAMES, value=runs.c.after),
+    )
+    asked = select(*columns).select_from(runs).join(RUNS, together).order_by(runs.c.run)
+    return [TriedRun._make(row) for row in production.connection.execute(asked).tuples()]
+
+
 def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> Any:
     """Return a table of the runs that have the metric: their verdict, and the rank of the one under the rule."""
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)

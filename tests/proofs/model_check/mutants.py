@@ -231,7 +231,7 @@ def way_back() -> list[Mutant]:
         ("held lock without its current", HeldLock, "scan", _with_image(brake_on=1, brake_current_a=LOCK_A)),
         ("held lock with late samples", HeldLock, "scan", _with_image(sample_age_scans=1)),
         ("held lock without end", HeldLock, "PATIENCE", 10**9),
-        ("way back on a lock that is not proven", Context, "lock_proven", _always(value=True)),
+        ("recovery on a lock that is not proven", Context, "lock_proven", _always(value=True)),
         ("lock that is found closed not kept", Context, "keep_lock", _method(lambda *_: None)),
         ("lock never taken for found", Context, "lock_found", _always(value=False)),
         ("lock taken for found for ever", Context, "lock_found", _always(value=True)),
@@ -283,7 +283,7 @@ ALL: dict[str, Callable[[], list[Mutant]]] = {
     "interlock rows": interlock_rows,
     "debounce": debounce_rows,
     "guards": guards,
-    "way back": way_back,
+    "recovery": way_back,
     "jog": jogs,
     "live states": live_states,
 }

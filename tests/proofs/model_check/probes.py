@@ -84,7 +84,7 @@ class Probes:
                 at = self._stepper.follow(at, self._stepper.happening(at.bench, choice))
                 key = self._stepper.key(at)
                 state = at.bench.orders.state
-                settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person
+                settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a recovery waits for a person
                 over = state in (S.IDLE, S.COMPLETE, S.STOPPED) or waits_for_hands(at.bench.orders)
                 if over or (state == S.FAULT and settled):
                     break

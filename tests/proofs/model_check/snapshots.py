@@ -233,5 +233,5 @@ def _acts(path: str, state: State, phase: int) -> bool:
     if state != S.FAULT:
         return True
     if path == "_fault._waited":
-        return phase != FaultReaction.SETTLED  # begins anew with the way back
+        return phase != FaultReaction.SETTLED  # begins anew with the recovery
     return path != "_context.stopping"  # set when the fault is left

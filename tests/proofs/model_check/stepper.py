@@ -92,7 +92,7 @@ def _bench(devices: Devices, orders: Orders) -> BenchState:
 
 
 class Stepper:
-    """The controller with one small program; `left`: with the way back on a bench that was left wound up.
+    """The controller with one small program; `left`: with the recovery on a bench that was left wound up.
 
     jog: with a jog in place of a run.
     """
@@ -246,7 +246,7 @@ class Stepper:
         return Node(after, self._number(bench), bench, Monitor(left=self.left))
 
     def nominal(self) -> list[Node]:
-        """The nodes of an undisturbed run, from idle to complete; with `left`, of the way back until it is stopped.
+        """The nodes of an undisturbed run, from idle to complete; with `left`, of the recovery until it is stopped.
 
         With `jog`, of one movement in each direction, until it is stopped.
         """

@@ -24,7 +24,7 @@ from station.records.data_folder import Store
 from station.records.recipe_revisions import History, State
 from station.records.run_record import RESULT
 from station.store.quality.lot import Lot, production
-from station.store.quality.trial import Rule, flipped, flips
+from station.store.quality.trial import Rule, flipped, flips, tried_runs
 from station.store.quality.values import ValueRow, characteristic
 
 COUNT = 300
@@ -77,6 +77,7 @@ def test_flips_are_those_of_judging_each_run_alone(
     with production(folder) as look:
         what = characteristic(look, LOT, metric_id)
         counts, runs = flips(look, LOT, what, rule), flipped(look, LOT, what, rule, COUNT)
+        every = tried_runs(look, LOT, what, rule)
     expected: Counter[tuple[str, str]] = Counter()
     named = {}
     for run, result in results.items():
@@ -85,6 +86,8 @@ def test_flips_are_those_of_judging_each_run_alone(
         named |= {run: (result.verdict, after)} if after != result.verdict else {}
     assert counts == expected
     assert {one.run: (one.before, one.after) for one in runs} == named
+    assert {one.run: (one.before, one.after) for one in every if one.before != one.after} == named
+    assert len(every) == sum(expected.values())
 
 
 def test_a_value_without_uncertainty_is_not_decidable_by_a_guard_band(tmp_path: Path) -> None:

@@ -93,8 +93,8 @@ def test_every_table_has_what_the_folders_say(lot: Path) -> None:
         assert view.problems == []
         assert view.runs == [run.id for run in Store(lot).runs()]
     assert found == {
-        "alarms": 0, "attempts": 12, "benches": 2, "calibrations": 1, "checks": 0, "metrics": 20, "projections": 1,
-        "recipes": 2, "runs": 11, "units": 11,
+        "alarms": 0, "archived": 0, "attempts": 12, "benches": 2, "calibrations": 1, "checks": 0, "metrics": 20,
+        "projections": 1, "recipes": 2, "runs": 11, "units": 11,
     }  # fmt: skip
 
 
@@ -281,7 +281,7 @@ def test_a_server_that_is_not_there_is_told_and_done_without(
     monkeypatch.setenv(STORE_URL, "postgresql://nobody:secret@127.0.0.1:9/none")
     assert len(stored_values(plain, ASK).values) == 6
     said = capsys.readouterr().err
-    assert "postgresql+psycopg://nobody@127.0.0.1:9/none: the store cannot be used" in said
+    assert "postgresql+psycopg://nobody@127.0.0.1:9/none: the store of runs cannot be used" in said
     assert "secret" not in said
 
 

@@ -1,0 +1,185 @@
+"""`lostmotion archive`: sealed runs into a plant's archive, back again, compared, and asked in SQL."""
+
+from __future__ import annotations
+
+import csv
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from station.archive.ask import ask
+from station.archive.check import KINDS, verify_archive
+from station.archive.fetch import fetch
+from station.archive.place import Place
+from station.archive.push import push, waiting
+from station.archive.settings import ArchiveSettings, load_settings
+from station.cli.say import Grid, say
+from station.documents.archived import ArchiveLine
+from station.records.archive_note import Note, read_note
+from station.records.chain.chain_file import Chain
+from station.results.csv_cells import text_cell
+from station.store.archived import bring_up_archived
+from station.store.engine import StoreError
+from station.store.view import opened, warn
+
+EXIT_PROBLEMS = 1
+MOST_SHOWN = 20
+
+
+def push_runs(data: Path, *, as_json: bool) -> int:
+    """Put every concluded run that is not in the archive there; return 0, or 1 where some were left out.
+
+    Raises:
+        StationError, RecipeError: no settings, or the archive cannot be used; what was noted stays.
+
+    """
+    place = Place(load_settings(data))
+
+    def told(line: ArchiveLine) -> None:
+        if not as_json:
+            size = line.full.bytes + (0 if line.trace is None else line.trace.bytes)
+            sys.stdout.write(f"{line.full.name}: {len(line.runs)} runs, {size / 1e6:.1f} MB, read back and compared\n")
+            sys.stdout.flush()
+
+    try:
+        done = push(data, place, told)
+    finally:
+        _into_store(data)
+    document = {
+        "url": place.settings.url,
+        "runs": done.runs,
+        "objects": [*done.lines, *done.found],
+        "found_again": len(done.found),
+        "left_out": done.left_out,
+    }
+    blocks: list[str | Grid] = [f"left out: {one.run}: {one.why}" for one in done.left_out]
+    blocks.append(f"{done.runs} runs are in {place.settings.url} since, {len(done.left_out)} were left out")
+    say(document, blocks, as_json=as_json)
+    return EXIT_PROBLEMS if done.left_out else 0
+
+
+def _into_store(data: Path) -> None:
+    """Bring the store up to the note; a store that cannot be used is told, and changes nothing."""
+    try:
+        database = opened(data)
+        try:
+            bring_up_archived(database, Chain(data))
+        finally:
+            database.close()
+    except StoreError as error:
+        warn(str(error))
+
+
+@dataclass(frozen=True)
+class ArchiveState:
+    """What is known of an archive without reading it; waiting: runs of the data folder that are not there."""
+
+    url: str
+    runs: int
+    objects: int
+    bytes: int
+    trace_bytes: int
+    waiting: int
+    only_archived: int
+
+
+def status(data: Path, *, as_json: bool) -> int:
+    """Print what is archived and what waits, by the note of the data folder; return 0.
+
+    Raises:
+        StationError, RecipeError: no settings.
+
+    """
+    settings, note = load_settings(data), read_note(data)
+    found = _state(data, settings, note)
+    _into_store(data)
+    blocks = [
+        found.url,
+        f"{found.runs} runs in {found.objects} objects: {_mb(found.bytes)} records, {_mb(found.trace_bytes)} traces",
+        f"{found.waiting} runs of {data} wait: 'lostmotion archive push'",
+        f"{found.only_archived} runs are only in the archive: 'lostmotion archive fetch RUN'",
+    ]
+    return say(found, blocks, as_json=as_json)
+
+
+def _mb(size: int) -> str:
+    return f"{size / 1e6:.1f} MB"
+
+
+def _state(data: Path, settings: ArchiveSettings, note: Note) -> ArchiveState:
+    traces = [line.trace for line in note.lines if line.trace is not None]
+    return ArchiveState(
+        url=settings.url,
+        runs=len(note.runs),
+        objects=len(note.lines) + len(traces),
+        bytes=sum(line.full.bytes for line in note.lines),
+        trace_bytes=sum(one.bytes for one in traces),
+        waiting=len(waiting(data, note)),
+        only_archived=sum(not (data / run).is_dir() for run in note.runs),
+    )
+
+
+def verify(data: Path, *, as_json: bool) -> int:
+    """Read the whole archive and compare it; return 0, or 1 where something is wrong.
+
+    Raises:
+        StationError, RecipeError: no settings, or the archive cannot be used.
+
+    """
+    place = Place(load_settings(data))
+    found = verify_archive(data, place)
+    _into_store(data)
+    blocks: list[str | Grid] = [
+        f"{place.settings.url}: {found.runs} runs in {found.objects} objects, {found.bytes / 1e6:.1f} MB read"
+    ]
+    blocks += [f"{found.noted_again} objects were noted again"] if found.noted_again else []
+    for kind, action in KINDS.items():
+        texts = [one.text for one in found.problems if one.kind == kind]
+        blocks += [f"  {text}" for text in texts[:MOST_SHOWN]]
+        blocks += [f"  ... and {len(texts) - MOST_SHOWN} more of this kind"] if len(texts) > MOST_SHOWN else []
+        blocks += [f"    {action}"] if texts else []
+    blocks.append("passed" if not found.problems else f"NOT PASSED: {len(found.problems)} problems")
+    problems = [one._asdict() | {"next_action": KINDS[one.kind]} for one in found.problems]
+    counts = {name: getattr(found, name) for name in ("objects", "runs", "bytes", "noted_again")}
+    say({"url": place.settings.url, **counts, "problems": problems}, blocks, as_json=as_json)
+    return EXIT_PROBLEMS if found.problems else 0
+
+
+def fetch_run(data: Path, name: str, *, as_json: bool) -> int:
+    """Bring a run back into the data folder; return 0.
+
+    Raises:
+        StationError, RecipeError: no settings, no such run, or its copy is not as it was sealed.
+
+    """
+    run = fetch(data, Place(load_settings(data)), name)
+    return say(
+        {"run": run.id, "record": str(run.folder)}, [f"{run.id}: is in {data} again, as it was sealed"], as_json=as_json
+    )
+
+
+def ask_archive(data: Path, sql: str, most: int, *, as_csv: bool, as_json: bool) -> int:
+    """Print the answer to a question in SQL; return 0.
+
+    Raises:
+        StationError, RecipeError: no settings, or the question cannot be answered.
+
+    """
+    found = ask(Place(load_settings(data)), sql, most)
+    if as_csv:
+        writer = csv.writer(sys.stdout, lineterminator="\n")
+        writer.writerow(found.columns)
+        writer.writerows([_cell(one) for one in row] for row in found.rows)
+        return 0
+    rows: list[Sequence[str]] = [["" if one is None else str(one) for one in row] for row in found.rows]
+    blocks: list[str | Grid] = [Grid(found.columns, rows, folded=True)]
+    blocks.append(f"{len(rows)} rows{', and more: raise --most' if found.more else ''}")
+    plain_rows = [
+        [one if isinstance(one, bool | int | float | None) else str(one) for one in row] for row in found.rows
+    ]
+    return say({"columns": found.columns, "rows": plain_rows, "more": found.more}, blocks, as_json=as_json)
+
+
+def _cell(value: object) -> object:
+    return value if isinstance(value, int | float) else text_cell(value)

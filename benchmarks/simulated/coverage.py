@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from scipy import special
@@ -132,12 +133,12 @@ def simulated_pairs(
     calibrated_units: the lines for it are not measured in the run, but stored: the mean of so many other units, two or
     more, that each bench calibrated before; the torque at the output is not measured then.
     """
-    true_method = Method(method.ratio, method.rated_torque_nm, method.reference_torque_nm)
+    of_method = method.ratio, method.rated_torque_nm, method.reference_torque_nm
     for seed in range(units):
         random = np.random.default_rng([SEED, seed])
         unit, built = SimulatedUnit().varied(random), as_built(bench, figures, random)
-        course = course_of(unit, built)
-        truth = analyse(exact_trace(course, built), true_method, wanted).metrics
+        course = _course(unit, built)
+        truth = _truth(unit, built, of_method, tuple(wanted))
         if calibrated_units:
             yield truth, _by_stored_lines(calibrated_units, course, built, figures, method, wanted, random)
         else:
@@ -145,6 +146,21 @@ def simulated_pairs(
                 truth,
                 analyse(measured_trace(course, built, figures, random), method, wanted, figures=figures).metrics,
             )
+
+
+_course = lru_cache(maxsize=1)(course_of)
+
+
+@lru_cache(maxsize=256)
+def _truth(
+    unit: SimulatedUnit, bench: SimulatedBench, of_method: tuple[float, float, float | None],
+    wanted: tuple[MetricWanted, ...],
+) -> tuple[MetricResult, ...]:  # fmt: skip
+    """Return what is true of a unit: studies measure the same ones by several kinds of torque and of sensors.
+
+    of_method: ratio, rated and reference torque [N·m].
+    """
+    return analyse(exact_trace(_course(unit, bench), bench), Method(*of_method), wanted).metrics
 
 
 def _by_stored_lines(  # noqa: PLR0917 - a run, how it is measured, and by what

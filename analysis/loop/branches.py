@@ -85,23 +85,28 @@ class Branch:
 
 def interpolate(x: FloatArray, y: FloatArray, wanted: FloatArray) -> FloatArray:
     """Linear interpolation, continued straight beyond the ends with the slope of the last percent of the points."""
-    return _interpolate(x, y, wanted, wanted.min(), wanted.max())
+    result = np.asarray(np.interp(wanted, x, y))
+    reach = max(1, x.size // 100)
+    if wanted.min() < x[0]:
+        beyond = wanted < x[0]
+        result[beyond] = y[0] + _slope(x, y, 0, reach) * (wanted[beyond] - x[0])
+    if wanted.max() > x[-1]:
+        beyond = wanted > x[-1]
+        result[beyond] = y[-1] + _slope(x, y, -1, -1 - reach) * (wanted[beyond] - x[-1])
+    return result
 
 
 def interpolate_rising(x: FloatArray, y: FloatArray, wanted: FloatArray) -> FloatArray:
-    """As `interpolate`, at rising places."""
-    return _interpolate(x, y, wanted, wanted[0], wanted[-1])
-
-
-def _interpolate(x: FloatArray, y: FloatArray, wanted: FloatArray, least: float, most: float) -> FloatArray:
+    """As `interpolate`, at rising places: those beyond the ends come first and last."""
     result = np.asarray(np.interp(wanted, x, y))
     reach = max(1, x.size // 100)
-    if least < x[0]:
-        beyond = wanted < x[0]
-        result[beyond] = y[0] + _slope(x, y, 0, reach) * (wanted[beyond] - x[0])
-    if most > x[-1]:
-        beyond = wanted > x[-1]
-        result[beyond] = y[-1] + _slope(x, y, -1, -1 - reach) * (wanted[beyond] - x[-1])
+    first, last = float(x[0]), float(x[-1])
+    if wanted[0] < first:
+        before = int(wanted.searchsorted(first, "left"))
+        result[:before] = y[0] + _slope(x, y, 0, reach) * (wanted[:before] - first)
+    if wanted[-1] > last:
+        behind = int(wanted.searchsorted(last, "right"))
+        result[behind:] = y[-1] + _slope(x, y, -1, -1 - reach) * (wanted[behind:] - last)
     return result
 
 

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,6 +55,7 @@ class ReferenceUnit:
         )
         return np.where(torque < 0, phi * self.negative_softer, phi)
 
+    @lru_cache(maxsize=4)  # noqa: B019 - units are few, and equal ones share
     def branches(self, peak: float, points: int = 200_001) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Angle [arcmin], torque rising and torque falling along it [N·m], of the closed loop to ±peak."""
         elastic = np.linspace(-(peak - self.f_c), peak - self.f_c, points)
@@ -90,10 +93,20 @@ class Bench:
     dwell_s: float = 0.1
 
 
-def bench_trace(unit: ReferenceUnit, peak: float, cycles: int = 3, bench: Bench | None = None, seed: int = 1) -> Trace:
-    """Run of the inverse bench: calibrate (0, +, 0, -, 0), virgin quarter, cycles, unload; all channels, with noise."""
-    bench = bench or Bench()
-    random = np.random.default_rng(seed)
+class Course(NamedTuple):
+    """What truly happens in a run of the inverse bench, sample by sample; many runs of a test have the same."""
+
+    torque_in_nm: np.ndarray
+    torque_out_nm: np.ndarray
+    angle_in_rad: np.ndarray
+    angle_out_rad: np.ndarray
+    segment: np.ndarray
+    segments: dict[int, SegmentInfo]
+
+
+@lru_cache(maxsize=8)
+def course(unit: ReferenceUnit, peak: float, cycles: int, bench: Bench) -> Course:
+    """Calibrate (0, +, 0, -, 0), virgin quarter, cycles, unload."""
     phi, rising, falling = unit.branches(peak)
     virgin_phi, virgin = unit.virgin(peak)
     step = bench.rate_nm_s * bench.period_s
@@ -129,14 +142,23 @@ def bench_trace(unit: ReferenceUnit, peak: float, cycles: int = 3, bench: Bench 
     fixture = torque_out / unit.k_fix
     angle_in = (windup + fixture) * RATIO * ARC
     torque_in = torque_out / RATIO + input_friction(unit, angle_in, torque_out)
+    return Course(torque_in, torque_out, angle_in, fixture * ARC, np.concatenate(segment), table)
+
+
+def bench_trace(unit: ReferenceUnit, peak: float, cycles: int = 3, bench: Bench | None = None, seed: int = 1) -> Trace:
+    """Run of the inverse bench: its course in all channels, with noise."""
+    bench = bench or Bench()
+    random = np.random.default_rng(seed)
+    true = course(unit, peak, cycles, bench)
+    count = true.segment.size
     return Trace(
-        t_s=np.arange(torque_out.size) * bench.period_s,
-        torque_in_nm=torque_in + random.normal(0, bench.torque_in_noise_nm, torque_out.size),
-        torque_out_nm=torque_out + random.normal(0, bench.torque_out_noise_nm, torque_out.size),
-        angle_in_rad=quantised(angle_in, bench.angle_in_bits),
-        angle_out_rad=quantised(fixture * ARC, bench.angle_out_bits),
-        segment=np.concatenate(segment),
-        segments=table,
+        t_s=np.arange(count) * bench.period_s,
+        torque_in_nm=true.torque_in_nm + random.normal(0, bench.torque_in_noise_nm, count),
+        torque_out_nm=true.torque_out_nm + random.normal(0, bench.torque_out_noise_nm, count),
+        angle_in_rad=quantised(true.angle_in_rad, bench.angle_in_bits).copy(),
+        angle_out_rad=quantised(true.angle_out_rad, bench.angle_out_bits).copy(),
+        segment=true.segment.copy(),
+        segments=dict(true.segments),
     )
 
 

@@ -27,7 +27,7 @@ from opcua_support import Plant, keep_results, kept_by, know_types  # noqa: E402
 
 from station.own_place import PLACE  # noqa: E402 - as above
 
-BATCH = 16
+BATCH = 20
 """After so many runs something is killed; then both clients come to have all before the next."""
 
 LONGEST_S = 600.0

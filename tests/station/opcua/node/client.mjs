@@ -35,8 +35,13 @@ const session = await client.createSession({ type: opcua.UserTokenType.UserName,
 const namespaces = await session.readNamespaceArray();
 const ours = namespaces.indexOf("urn:lostmotion:opcua");
 const results = `ns=${ours};s=Machine.ResultManagement`;
-const call = async (name, ...inputArguments) =>
-  (await session.call({ objectId: results, methodId: `${results}.${name}`, inputArguments })).outputArguments;
+// A call whose answer went down with the server is never answered: then this client ends, and is started anew.
+const ANSWER_MS = 10000;
+const silence = () => new Promise((_, reject) => setTimeout(() => reject(new Error("no answer")), ANSWER_MS).unref());
+const call = async (name, ...inputArguments) => {
+  const asked = session.call({ objectId: results, methodId: `${results}.${name}`, inputArguments });
+  return (await Promise.race([asked, silence()])).outputArguments;
+};
 
 let chain = Promise.resolve();
 let ended;

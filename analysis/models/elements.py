@@ -18,8 +18,11 @@ from analysis.trace.units import FloatArray
 TABLE_POINTS = 400
 """Torques at which the compliance is tabulated before Newton's steps polish its inverse."""
 
+SETTLED = 1e-8
+"""Newton's step, of the torque over which the curve bends, from which the next one is below the rounding."""
+
 NEWTON_STEPS = 4
-"""From a table of 400 points two reach the rounding of a float; the others cost little."""
+"""At most: from a table of 400 points two reach the rounding of a float."""
 
 SATURATION = 28.0
 """The Bouc–Wen state is tabulated up to 1 − e⁻²⁸, where 1 − z is at the rounding of a float."""
@@ -43,23 +46,19 @@ class Compliance(NamedTuple):
 
     def angle_arcmin(self, torque_nm: FloatArray) -> FloatArray:
         """Wind-up [arcmin] at torques [N·m]."""
-        size = np.abs(torque_nm)
-        angle: FloatArray = np.sign(torque_nm) * (
-            size / self.stiffness_nm_per_arcmin
-            - self.soft_zone_arcmin * np.expm1(-size / self.soft_zone_nm)
-            + 0.5 * self.gap_arcmin * np.tanh(size / self.gap_torque_nm)
-        )
+        angle: FloatArray = np.sign(torque_nm) * self._one_side(np.abs(torque_nm))[0]
         return angle
 
-    def compliance(self, torque_nm: FloatArray) -> FloatArray:
-        """Return dφ/dT [arcmin/(N·m)] at torques [N·m]."""
-        size = np.abs(torque_nm)
-        slope: FloatArray = (
-            1.0 / self.stiffness_nm_per_arcmin
-            + self.soft_zone_arcmin / self.soft_zone_nm * np.exp(-size / self.soft_zone_nm)
-            + 0.5 * self.gap_arcmin / self.gap_torque_nm * (1.0 - np.tanh(size / self.gap_torque_nm) ** 2)
-        )
-        return slope
+    def _one_side(self, torque_nm: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Wind-up [arcmin] and its slope dφ/dT [arcmin/(N·m)] at torques of zero or more [N·m]."""
+        soft = np.expm1(torque_nm * (-1.0 / self.soft_zone_nm))
+        closed = np.tanh(torque_nm * (1.0 / self.gap_torque_nm))
+        softness = 1.0 / self.stiffness_nm_per_arcmin
+        half_gap = 0.5 * self.gap_arcmin
+        angle = torque_nm * softness - self.soft_zone_arcmin * soft + half_gap * closed
+        slope = self.soft_zone_arcmin / self.soft_zone_nm * (1.0 + soft)
+        slope += half_gap / self.gap_torque_nm * (1.0 - closed * closed) + softness
+        return angle, slope
 
     def torque_nm(self, angle_arcmin: FloatArray) -> FloatArray:
         """Torque [N·m] at wind-ups [arcmin]: the inverse, tabulated and polished by Newton's method."""
@@ -70,7 +69,12 @@ class Compliance(NamedTuple):
         nodes = scale * np.sinh(np.linspace(0.0, math.asinh(most / scale), TABLE_POINTS))
         torque = np.interp(wanted, self.angle_arcmin(nodes), nodes)
         for _ in range(NEWTON_STEPS):
-            torque = np.maximum(torque - (self.angle_arcmin(torque) - wanted) / self.compliance(torque), 0.0)
+            angle, slope = self._one_side(torque)
+            moved = np.maximum(torque - (angle - wanted) / slope, 0.0)
+            step = float(np.abs(moved - torque).max(initial=0.0))
+            torque = moved
+            if step <= SETTLED * scale:
+                break
         result: FloatArray = np.copysign(torque, angle_arcmin)
         return result
 

@@ -6,6 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from scipy import optimize
@@ -38,7 +39,7 @@ class LoopSamples:
     direction: FloatArray
     angle_noise_arcmin: float = 0.0
 
-    @property
+    @cached_property
     def branches(self) -> tuple[slice, ...]:
         """Stretches between two turns."""
         borders = np.flatnonzero(np.diff(self.direction)) + 1

@@ -1,9 +1,10 @@
-"""A run in the middle of a ramp, and the faults that are shown to it."""
+"""An undisturbed run on its way and at its end, a run in the middle of a ramp, and the faults that are shown to it."""
 
 from __future__ import annotations
 
 import math
 from functools import cache
+from typing import NamedTuple
 
 from programs import LIMITS, short_program
 from timeline import Timeline
@@ -69,10 +70,36 @@ ORDER_OF = {
 }
 
 
+class Undisturbed(NamedTuple):
+    """One run of the short program: as it first comes to each state, and whole."""
+
+    entered: dict[State, Timeline]
+    whole: Timeline
+
+
+@cache
+def _undisturbed(speed_rad_s: float) -> Undisturbed:
+    run, entered = Timeline(short_program(speed_rad_s=speed_rad_s)), {}
+    while not run.controller.finished:
+        state = State(run.go().state)
+        if state not in entered:
+            entered[state] = run.branch()
+    return Undisturbed(entered, run)
+
+
+def entered(state: State) -> Timeline:
+    """Return a run that has just come to a state for the first time; it goes on by itself."""
+    return _undisturbed(0.0).entered[state].branch()
+
+
+def whole_run(speed_rad_s: float = 0.0) -> Timeline:
+    """Return a run that has come to its end; all look at the same one, and who goes on from there takes a branch."""
+    return _undisturbed(speed_rad_s).whole
+
+
 @cache
 def _run_in_ramp() -> Timeline:
-    run = Timeline(short_program())
-    run.until_state(S.RAMP_NEG)
+    run = entered(S.RAMP_NEG)
     run.until(lambda orders: orders.controlled_torque_nm < 200.0)
     return run
 

@@ -22,6 +22,9 @@ from definitions.image import (
 HOLDING = sorted(fault_id for fault_id in SHOWN if FAULT_BY_ID[fault_id].reaction == Reaction.HOLD)
 LATCHING = sorted(fault_id for fault_id in SHOWN if FAULT_BY_ID[fault_id].reaction >= Reaction.UNLOAD)
 HELD_SCANS = 100
+AFTER_SCANS = 1000
+"""Scans after the end of a reaction, in which nothing may change any more."""
+
 HELD_WITH = {"torque_out_alarm": {"torque_in_nm": 5.0}}
 """What the other channels show with it, so that they agree for as long as the hold lasts."""
 
@@ -95,7 +98,8 @@ def test_a_fault_stays_latched_with_its_first_cause_and_the_lock_stays_closed(fa
     run.bench.command = Command.QUICK_STOP if fault_id == "operator_quick_stop" else Command.NONE
     run.until_state(S.FAULT)
     run.bench.frozen = {}
-    run.go(8000)
+    run.until_finished()
+    run.go(AFTER_SCANS)
     orders = run.orders[-1]
     assert (orders.state, orders.fault) == (S.FAULT, fault.number)
     assert run.controller.finished

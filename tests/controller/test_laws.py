@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from functools import cache
 
 from bench_model import READY
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import short_program
+from ramp_support import entered, whole_run
 from timeline import Timeline
 
 from controller.controller import Controller
@@ -60,15 +60,9 @@ def check_laws(before: State, image: Image, orders) -> None:
     assert image is not None
 
 
-@cache
 def way_to(target: State) -> Timeline:
-    """A run that has just come to a state, or to its end without it; tests go on in branches of it."""
-    run = Timeline(PROGRAM)
-    for _ in range(14_000):
-        run.go()
-        if run.controller.state == target or run.controller.finished:
-            break
-    return run
+    """A run that has just come to a state, or to its end without it."""
+    return entered(target) if target in whole_run().states() else whole_run().branch()
 
 
 def test_branches_go_on_like_the_run_and_do_not_touch_each_other() -> None:
@@ -87,7 +81,7 @@ def test_branches_go_on_like_the_run_and_do_not_touch_each_other() -> None:
 @settings(max_examples=60, deadline=None)
 @given(at=st.integers(0, 11), episode=episodes(), scans=st.integers(1, 40))
 def test_any_input_at_any_state(at, episode, scans):
-    run = way_to(list(State)[at]).branch()
+    run = way_to(list(State)[at])
     for change in episode:
         run.bench.frozen = change
         for _ in range(scans):
@@ -111,7 +105,7 @@ def test_arbitrary_images_never_raise(changes):
 @settings(max_examples=30, deadline=None)
 @given(st.lists(st.sampled_from([Command.NONE, Command.START, Command.STOP, Command.RESET]), max_size=20))
 def test_an_unacknowledged_fault_never_clears(commands):
-    run = way_to(State.CALIBRATE).branch()
+    run = way_to(State.CALIBRATE)
     run.bench.frozen = {"estop_released": 0}
     run.until_finished()
     run.bench.frozen = {}

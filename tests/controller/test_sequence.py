@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 from programs import PEAK_NM, short_program
+from ramp_support import entered, whole_run
 from timeline import Timeline
 
 from controller.aftermath import Rest
@@ -42,9 +43,7 @@ def test_nothing_moves_without_a_start():
 
 
 def test_no_torque_before_the_lock_is_closed_and_no_ramp_before_it_is_proven():
-    program = short_program()
-    run = Timeline(program)
-    run.until_finished()
+    program, run = short_program(), whole_run()
     for image, orders in zip(run.images, run.orders, strict=True):
         if orders.drive_target_torque_nm or orders.drive_target_velocity_rad_s:
             assert image.brake_on
@@ -55,9 +54,7 @@ def test_no_torque_before_the_lock_is_closed_and_no_ramp_before_it_is_proven():
 
 
 def test_lock_opens_only_with_low_torque_and_the_drive_off():
-    program = short_program()
-    run = Timeline(program)
-    run.until_finished()
+    program, run = short_program(), whole_run()
     opened = next(i for i in range(1, len(run.orders)) if run.orders[i - 1].brake_on and not run.orders[i].brake_on)
     assert run.orders[opened].state == S.RELEASE
     assert abs(run.images[opened].torque_out_nm) <= program.release_torque_nm
@@ -66,9 +63,7 @@ def test_lock_opens_only_with_low_torque_and_the_drive_off():
 
 @pytest.mark.parametrize("options", [{}, {"speed_rad_s": 0.2}], ids=["torque", "speed"])
 def test_set_points_are_continuous_in_value_and_rate(options):
-    program = short_program(**options)
-    run = Timeline(program)
-    run.until_finished()
+    program, run = short_program(**options), whole_run(**options)
     slew = program.control.slew_nm_s * program.period_s
     active = [o for o in run.orders if o.state in (S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG, S.UNLOAD)]
     torques = [o.drive_target_torque_nm for o in active]
@@ -87,8 +82,7 @@ def test_set_points_are_continuous_in_value_and_rate(options):
 
 @pytest.mark.parametrize("state", [S.HOME, S.LOCK, S.CALIBRATE, S.RAMP_POS, S.REVERSE, S.RAMP_NEG])
 def test_operator_stop_unloads_releases_and_ends_stopped(state):
-    run = Timeline(short_program())
-    run.until_state(state)
+    run = entered(state)
     run.go(20)
     run.command(Command.STOP)
     run.until_finished()
@@ -101,16 +95,14 @@ def test_operator_stop_unloads_releases_and_ends_stopped(state):
 
 @pytest.mark.parametrize("state", [S.UNLOAD, S.RELEASE])
 def test_stop_during_the_end_of_a_run_ends_stopped_too(state):
-    run = Timeline(short_program())
-    run.until_state(state)
+    run = entered(state)
     run.command(Command.STOP)
     run.until_finished()
     assert run.controller.state == S.STOPPED
 
 
 def test_second_stop_is_a_quick_stop_with_its_own_cause():
-    run = Timeline(short_program())
-    run.until_state(S.RAMP_NEG)
+    run = entered(S.RAMP_NEG)
     run.go(100)
     run.command(Command.STOP)
     orders = run.command(Command.QUICK_STOP)
@@ -120,8 +112,7 @@ def test_second_stop_is_a_quick_stop_with_its_own_cause():
 
 
 def test_a_new_run_needs_a_reset_and_a_start():
-    run = Timeline(short_program())
-    run.until_finished()
+    run = whole_run().branch()
     run.command(Command.START)
     run.go(10)
     assert run.controller.state == S.COMPLETE
@@ -133,9 +124,7 @@ def test_a_new_run_needs_a_reset_and_a_start():
 
 
 def test_both_torque_zeroes_are_recorded_again_when_the_lock_has_let_go():
-    program = short_program()
-    run = Timeline(program)
-    run.until_finished()
+    program, run = short_program(), whole_run()
     at_rest = [orders for orders in run.orders if orders.state == S.COMPLETE]
     phases = [orders.phase for orders in at_rest]
     assert phases == sorted(phases)
@@ -146,26 +135,21 @@ def test_both_torque_zeroes_are_recorded_again_when_the_lock_has_let_go():
 
 
 def test_a_run_ends_without_new_samples_too():
-    run = Timeline(short_program())
-    run.until_state(S.COMPLETE)
+    run = entered(S.COMPLETE)
     run.bench.frozen = {"sample_counter": 7}
     run.until_finished()
     assert run.orders[-1].phase == Rest.DONE
 
 
 def test_same_images_give_the_same_orders_byte_for_byte():
-    program = short_program()
-    run = Timeline(program)
-    run.until_finished()
+    program, run = short_program(), whole_run()
     again = Controller(program)
     for scan, (image, orders) in enumerate(zip(run.images, run.orders, strict=True)):
         assert ORDERS_STRUCT.pack(*again.step(image, scan)) == ORDERS_STRUCT.pack(*orders)
 
 
 def test_missed_periods_do_not_make_a_set_point_jump():
-    program = short_program()
-    run = Timeline(program)
-    run.until_state(S.RAMP_NEG)
+    program, run = short_program(), entered(S.RAMP_NEG)
     run.go(200)
     before = run.orders[-1].drive_target_torque_nm
     run.bench.frozen = {"missed_periods": 15}

@@ -71,9 +71,11 @@ def test_of_waves_from_two_on_an_even_curve_leaves_three_quarters_in_any_phase()
         for phase in np.linspace(0.0, np.pi, 8, endpoint=False):
             wave = np.cos(2.0 * np.pi * waves * at + phase)
             seen = max(
-                loop_checks._amplitude_arcmin([(at, wave - np.polyval(np.polyfit(at, wave, degree), at))], 1.0 / tried)
+                amplitude
                 for degree, some in loop_checks.EVEN.items()
-                for tried in some
+                for amplitude in loop_checks._amplitudes_arcmin(
+                    [(at, wave - np.polyval(np.polyfit(at, wave, degree), at))], 1.0 / some
+                )
             )
             assert seen >= loop_checks.LEFT_OF_WAVE
 

@@ -1,6 +1,6 @@
 """`python -m benchmarks.good_units [--units N] [--page P]`: whether a good unit is ever refused, and for what.
 
-Units of the six types of `loop_generator`, each within its limits by a quarter, measured by benches whose noise is
+Units of the six types of `kinds`, each within its limits by a quarter, measured by benches whose noise is
 between half and twice what they declare, with and without segments, rests at the turns, and input torque. Counted is
 every verdict that is not PASS, by the reason that stands first.
 """
@@ -21,18 +21,17 @@ from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import Trace
 from benchmarks.page import put
+from benchmarks.simulated.kinds import KINDS, Kind
 from benchmarks.simulated.loop_generator import (
-    KINDS,
     Bench,
-    Kind,
     course_of,
     figures_of,
     measured,
     method_of,
-    truth,
     without_dwells,
     without_segments,
 )
+from benchmarks.simulated.truth import truth
 
 SEED = 50
 ROOM = 0.25

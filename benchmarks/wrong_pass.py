@@ -25,9 +25,9 @@ from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import Trace
 from benchmarks.page import put
+from benchmarks.simulated.kinds import KINDS
 from benchmarks.simulated.loop_generator import (
     ARCMIN_RAD,
-    KINDS,
     SOUND,
     Bench,
     Course,
@@ -36,9 +36,9 @@ from benchmarks.simulated.loop_generator import (
     figures_of,
     measured,
     method_of,
-    truth,
     without_segments,
 )
+from benchmarks.simulated.truth import truth
 
 UNIT = KINDS["RV-40E"]
 BENCHES = {"whole run": Bench(), "bare trace": Bench(dwell_s=0.0)}

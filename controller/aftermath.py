@@ -135,7 +135,7 @@ class FaultReaction:
         self._act(reaction, image)
 
     def another_cause(self) -> None:
-        """Ask for a new acknowledgement: nobody has seen this cause yet, and no way back goes on without that."""
+        """Ask for a new acknowledgement: nobody has seen this cause yet, and no recovery goes on without that."""
         self.acknowledged = False
         if self._context.phase == self.DRIVE_RESET:
             self._context.disable_drive()
@@ -200,7 +200,7 @@ class FaultReaction:
             self._waited = 0
 
     def request_reset(self) -> str:
-        """Ask for the way back; says what stands against it, or '' when it has begun."""
+        """Ask for the recovery; says what stands against it, or '' when it has begun."""
         if not self.acknowledged:
             return "reset refused: the fault is not acknowledged"
         if self._context.phase != self.SETTLED:

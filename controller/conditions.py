@@ -72,8 +72,8 @@ class Measured:
     the orders of earlier scans should have led to by now. `fastest_rad_s`: the largest speed for as long as a value may
     be old (`Context.keep_fastest`). `request_age_scans`: scans since the sample was asked for, at most.
     `drive_apart_rad`: by how much the drive's position and the angle sensor of the loaded shaft have moved apart since
-    they were set equal; `angles_compared`: whether that still tells anything. On the way back from a fault it does not:
-    nobody knows where the two would agree.
+    they were set equal; `angles_compared`: whether that still tells anything. During the recovery from a fault it does
+    not: nobody knows where the two would agree.
     """
 
     __slots__ = (

@@ -64,7 +64,7 @@ class Controller:
 
     `watch` may be given to look over the interlocks' shoulder; it must decide as `Watch(program)` does. With `left` it
     runs nothing: at the start it takes up the fault in which an earlier run left the bench, and waits there for the
-    way back (acknowledge, reset) or for a stop, which leaves everything as it is.
+    recovery (acknowledge, reset) or for a stop, which leaves everything as it is.
     """
 
     def __init__(self, program: Program, watch: Watch | None = None, left: Left | None = None) -> None:

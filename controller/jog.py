@@ -7,7 +7,7 @@ Rules, in plain words:
   before the key, moves nothing. Each movement needs that anew.
 - Another direction is another movement: it stops, and needs a new press.
 - The lock is open. With a closed lock a jog would wind the unit up, so the interlock `brake_stays_closed` is live here,
-  and the lock is never touched: what is wound up is unloaded by the way back, which measures the torque.
+  and the lock is never touched: what is wound up is unloaded by the recovery, which measures the torque.
 - A stop by the operator ends the jog once the drive is off.
 
 Ages and times are counted in scans, missed ones included. The phases and their words are in `definitions.jog`.

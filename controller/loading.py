@@ -136,7 +136,7 @@ class Loading:
         self._torque.bound(-limit_nm, limit_nm)
 
     def _enable(self, image: Image) -> Outcome:
-        """Only on the way back from a fault: the drive comes on without torque, to unwind what is stored."""
+        """Only during the recovery from a fault: the drive comes on without torque, to unwind what is stored."""
         context = self._context
         if context.torque_is_low(image) and not self._left_above_rest():
             return Outcome(trigger="release")

@@ -73,7 +73,7 @@ TRANSITIONS: tuple[Transition, ...] = (
     # the jog, in place of a run
     Transition("jog", S.IDLE, S.JOG),
     Transition("stopped", S.JOG, S.STOPPED),
-    # the way back
+    # the recovery
     Transition("reset", S.FAULT, S.UNLOAD),
 )
 

@@ -364,8 +364,8 @@ _ROWS = (
     ),
     Check(
         "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
-        "output torque where the straight lines T_out over T_in of loading and unloading meet, beyond the declared "
-        "zero of its sensor (tared_zero), relative to the reference torque",
+        "zero offset of the output torque sensor, read where the straight lines of T_out over T_in for loading and "
+        "unloading cross; the declared offset (tared_zero) is subtracted; relative to the reference torque",
         "the output torque sensor does not read zero without load",
         "tare it at rest and without load, and check its zero; then measure again",
         settable=SHARES,
@@ -394,16 +394,16 @@ _ROWS = (
     ),
     Check(
         "drive_torque_gap", "Hysteresis between drive and torque sensor", FRACTION, 1.0,
-        "drive torque minus sensor torque of the loaded shaft: difference between rising and falling branch, relative "
-        "to the torque between the turning points",
+        "deviation between drive torque and sensor torque on the loaded shaft: its value on the rising branch minus "
+        "that on the falling branch, relative to the torque between the turning points",
         "the torque sensor lags behind the drive, or friction lies between them",
         "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
         settable=SHARES, leaves_open=LeavesOpen("delay of both torques within a ramp, as torque at mid-range", "N·m"),
     ),
     Check(
         "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
-        "drive's position minus angle of the loaded shaft: change of this difference within a branch, less a constant "
-        "delay, relative to the travel of the shaft",
+        "deviation between drive position and encoder angle of the loaded shaft: its change within a branch, after "
+        "a constant delay is subtracted, relative to the travel of the shaft",
         "the drive's position and the angle of the loaded shaft do not agree",
         "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
         settable=SHARES,
@@ -411,9 +411,9 @@ _ROWS = (
     ),
     Check(
         "drive_angle_direction", "Delay of the angle encoder within a ramp", FRACTION, 0.25,
-        "drive's position minus angle of the loaded shaft: change of this difference from the rising to the falling "
-        "branch at the same angle, less a constant delay and the twist of the coupling, relative to the travel of the "
-        "shaft",
+        "deviation between drive position and encoder angle of the loaded shaft: its value on the rising branch minus "
+        "that on the falling branch at the same angle, after a constant delay and the twist of the coupling are "
+        "subtracted, relative to the travel of the shaft",
         "the angle of the loaded shaft is delayed in a part of the ramps",
         "check filter and supply of the encoder. Check the coupling between drive and encoder for play. Then measure "
         "again",
@@ -422,8 +422,8 @@ _ROWS = (
     ),
     Check(
         "drive_angle_repeat", "Delay of the angle encoder between branches", FRACTION, 0.15,
-        "drive's position minus angle of the loaded shaft: change of this difference between branches of the same "
-        "direction at the same angle, relative to the travel of the shaft",
+        "deviation between drive position and encoder angle of the loaded shaft: its difference between branches of "
+        "the same direction at the same angle, relative to the travel of the shaft",
         "the delay between drive and angle encoder differs from branch to branch",
         "check cable, supply and filter of the encoder, and measure again",
         settable=SHARES,

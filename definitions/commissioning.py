@@ -87,9 +87,9 @@ STEP_BY_ID = {step.id: step for step in STEPS}
 
 NOT_COMMISSIONED = {
     "bench": "name and revision do not describe the hardware; steps that depend on the loaded shaft name it themselves",
-    "jog": "its limits are written into the drive and read back before every jog",
+    "jog": "the limits of the jog are written into the drive and read back before every jog",
     "pace": "only a virtual bench has this section",
-    "calibrations": "runs measure them; each has its own due date",
+    "calibrations": "the torque ratios are measured by runs, and each has its own due date",
     "master_parts": "master parts are units, not hardware of the bench",
 }
 """Sections of a bench file that no step depends on as a whole, and why."""

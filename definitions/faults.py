@@ -307,8 +307,8 @@ FAULTS: tuple[Fault, ...] = (
           "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
           "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate. "
           + WRONG_DIRECTION,
-          # not in FAULT, nor on the way back (`angles_compared`): a torque goes to zero there, by torque sensors that
-          # watch each other, and a dead angle sensor must not stand against it
+          # not in FAULT, nor during the recovery (`angles_compared`): a torque goes to zero there, by torque sensors
+          # that watch each other, and a dead angle sensor must not stand against it
           live_in=LOCKED,
           time=Time("20 ms", 20.0)),
     # --- jog

@@ -68,7 +68,7 @@ class Segment:
 ROLES: dict[str, str] = {
     "none": "before the first and after the last segment",
     "proof": "small torque that verifies the lock",
-    "calibrate": "input torque against output torque, both directions, up and down",
+    "calibrate": "load cycle that measures the output torque against the input torque; gives the torque ratio",
     "virgin": "first rise from zero; never evaluated",
     "approach": "change from one block's peak torque to the next; never evaluated",
     "measure": "branch that is evaluated",

@@ -18,7 +18,7 @@ class StateRow(NamedTuple):
 
     words: what an operator reads while it lasts. running: between the start and the end of a run. locked: the lock is
     closed, or is being closed and verified. loaded: the recipe puts torque on the unit, which is what is evaluated.
-    ended: what is said of a run whose last state it is. way_back: what is said of it on the way back from a fault.
+    ended: what is said of a run whose last state it is. way_back: what is said of it during the recovery from a fault.
     """
 
     state: State

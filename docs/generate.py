@@ -160,7 +160,7 @@ def fault_vocabulary() -> str:
         + table(("target", "verb", "value", "what a controller finds changed", "where it acts"), rows(BY_NAME))
         + "\n## Reactions\n\nWhat comes of an alarm, from the mildest reaction to the strongest; [Faults](faults.md) says which alarm has "
         "which. A drive command is shown with its control word (0x6040). The lock's contact, the output of the brake supply, is kept "
-        "by every reaction: it opens on the way back only. `expect: {reaction: ...}` is held against this table, and so is the "
+        "by every reaction: it opens during the recovery only. `expect: {reaction: ...}` is held against this table, and so is the "
         "[fault matrix](fault-matrix.md).\n\n"
         + table(
             (

@@ -20,7 +20,7 @@ RUN = 40_000
 
 
 REST_SHARE_OF_RATED = 0.08
-"""What friction may keep in a unit whose drive was switched off; it is unwound on the way back."""
+"""What friction may keep in a unit whose drive was switched off; it is unwound during the recovery."""
 
 IN_THE_RESULT = "not seen by the controller: the metrics show it"
 CLOSED_LOOP = "the torque loop compensates for it"

@@ -168,7 +168,9 @@ def _wait_for_end(ring: RingReader) -> None:
     until = time.monotonic() + LONGEST_AFTER_SUPERVISOR_S
     while ring.pid and process_birth(ring.pid):
         if time.monotonic() > until:
-            raise StationError(f"the scan process {ring.pid} continues without its supervisor process: end it by hand")
+            raise StationError(
+                f"the scan process {ring.pid} continues without its supervisor process. End it with 'kill {ring.pid}'"
+            )
         time.sleep(LOOK_EVERY_S)
 
 

@@ -62,13 +62,13 @@ class Ran:
         return Path(self.json["record"])
 
 
-def here(*args: str) -> Ran:
-    """Run `lostmotion ARGS` to its end in this process."""
+def here(*args: str, cwd: Path = ROOT) -> Ran:
+    """Run `lostmotion ARGS` to its end in this process, from a folder."""
     from station import cli  # noqa: PLC0415 - most tests need no command
 
     out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8", newline="") for _ in range(2))
     before, argv = Path.cwd(), ["lostmotion", *seeded(args)]
-    os.chdir(ROOT)
+    os.chdir(cwd)
     try:
         with redirect_stdout(out), redirect_stderr(err), mock.patch.object(sys, "argv", argv):
             try:

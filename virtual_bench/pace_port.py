@@ -19,7 +19,10 @@ QUIET_S = 2.0
 """Silence of a scan that leads, by the wall clock, after which the bench does not wait for it any longer."""
 
 LONGEST_WAIT_S = 0.05
-"""Longest wait for frames and requests that were sent before a message; what is not there by then is given up."""
+"""Longest wait for frames and requests that were sent before a message; what is not there by then is given up.
+
+Twice in a row: after a hold-up of this process its timers run before it has looked what has come meanwhile.
+"""
 
 Log = Callable[[str, str], None]
 
@@ -108,7 +111,7 @@ class PacePort:
             self._waiting.append(message)
             self.arrived()
             if self._waiting and self._timer is None:
-                self._timer = asyncio.get_running_loop().call_later(LONGEST_WAIT_S, self._give_up)
+                self._timer = asyncio.get_running_loop().call_later(LONGEST_WAIT_S, self._wait_once_more)
 
     def ended(self, connection: _Connection) -> None:
         """Forget a connection."""
@@ -116,6 +119,9 @@ class PacePort:
             led, self._scan = connection.leads, None
             if led:
                 self._let_go("the scan has closed its connection")
+
+    def _wait_once_more(self) -> None:
+        self._timer = asyncio.get_running_loop().call_later(LONGEST_WAIT_S, self._give_up)
 
     def _give_up(self) -> None:
         self._timer = None

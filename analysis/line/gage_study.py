@@ -163,8 +163,8 @@ def analyse_gage_study(
             interaction.sum_of_squares + repeatability.sum_of_squares, interaction.freedom + repeatability.freedom
         )
         rows = [part, operator, both, both]
-    random = np.random.default_rng(SEED)
-    drawn = np.stack([row.sum_of_squares / random.chisquare(row.freedom, DRAWS) for row in rows])
+    squares = drawn_squares(tuple(row.freedom for row in rows))
+    drawn = np.array([[row.sum_of_squares] for row in rows]) / squares
     if pooled:
         drawn[3] = drawn[2]
     estimates = _spreads_of_squares(np.array([[row.mean_square] for row in rows]), design.values.shape)
@@ -189,6 +189,13 @@ def analyse_gage_study(
         tolerance_pct=share_of_tolerance(gage.value, tolerance),
         ndc=distinct_categories(unit.value, gage.value),
     )
+
+
+@functools.lru_cache(maxsize=8)
+def drawn_squares(freedoms: tuple[int, ...]) -> FloatArray:
+    """Return draws from the chi-square law of each number of degrees of freedom: a row each, the same every time."""
+    random = np.random.default_rng(SEED)
+    return np.stack([random.chisquare(freedom, DRAWS) for freedom in freedoms])
 
 
 def sums_of_squares(values: FloatArray) -> tuple[Source, Source, Source, Source]:
@@ -277,17 +284,7 @@ def analyse_average_range(design: GageDesign, tolerance: float | None = None, le
     )
     expected = np.array([range_constants(trials)[0], range_constants(operators)[1], range_constants(parts)[1]])
     estimates = _spreads_of_ranges((ranges / expected)[:, None], parts * trials)
-    random = np.random.default_rng(SEED)
-    drawn = np.stack(
-        [
-            np.ptp(random.standard_normal((RANGE_DRAWS, operators)), axis=1),
-            np.ptp(random.standard_normal((RANGE_DRAWS, parts)), axis=1),
-        ]
-    )
-    repeat = np.array(
-        [np.ptp(random.standard_normal((parts * operators, trials)), axis=1).mean() for _ in range(RANGE_DRAWS)]
-    )
-    spreads = _spreads_of_ranges(ranges[:, None] / np.vstack([repeat, drawn]), parts * trials)
+    spreads = _spreads_of_ranges(ranges[:, None] / drawn_ranges(parts, operators, trials), parts * trials)
     limits = np.quantile(spreads, [0.5 - 0.5 * level, 0.5 + 0.5 * level], axis=1)
     found = [Interval(*(float(x) for x in row)) for row in zip(estimates[:, 0], *limits, strict=True)]
     repeatability, reproducibility, gage, part, total, share = found
@@ -301,6 +298,18 @@ def analyse_average_range(design: GageDesign, tolerance: float | None = None, le
         tolerance_pct=share_of_tolerance(gage.value, tolerance),
         ndc=distinct_categories(part.value, gage.value),
     )
+
+
+@functools.lru_cache(maxsize=8)
+def drawn_ranges(parts: int, operators: int, trials: int) -> FloatArray:
+    """Return ranges of standard normal values, the same every time, shape (3, draws).
+
+    Rows: the mean over all cells of the range of a cell's trials, the range of the operators, the range of the parts.
+    """
+    random = np.random.default_rng(SEED)
+    apart = [np.ptp(random.standard_normal((RANGE_DRAWS, count)), axis=1) for count in (operators, parts)]
+    cells = (np.ptp(random.standard_normal((parts * operators, trials)), axis=1) for _ in range(RANGE_DRAWS))
+    return np.stack([np.array([cell.mean() for cell in cells]), *apart])
 
 
 def _spreads_of_ranges(scaled: FloatArray, per_operator: int) -> FloatArray:

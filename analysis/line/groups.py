@@ -65,11 +65,15 @@ def compare_groups(sums: Mapping[str, Sums], origin: float = 0.0, level: float =
         raise AnalysisError(f"groups: found {len(sums)}: {', '.join(sums) or 'none'}; expected {LEAST_GROUPS} or more")
     for name, one in sums.items():
         if one.number < 1 or not (math.isfinite(one.first) and math.isfinite(one.second)):
-            raise AnalysisError(f"groups: {name} has {one.number} values, sum {one.first}; expected finite numbers")
+            raise AnalysisError(
+                f"groups: {name}: found {one.number} values with the sum {one.first}; expected 1 or more finite numbers"
+            )
     total = sum(one.number for one in sums.values())
     freedom = total - len(sums)
     if freedom < 1:
-        raise AnalysisError("groups: every group has one value; expected two or more in one at least")
+        raise AnalysisError(
+            "groups: every group has one value; expected a group with two or more values. Measure more units"
+        )
     mean = sum(one.first for one in sums.values()) / total
     within = sum(_square_within(one) for one in sums.values())
     between = sum(one.number * (one.first / one.number - mean) ** 2 for one in sums.values())

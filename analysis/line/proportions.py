@@ -40,7 +40,7 @@ def proportion(count: int, of: int, level: float = 0.95) -> Proportion:
     """
     checked_level(level)
     if not 0 <= count <= of:
-        raise AnalysisError(f"share: found {count} of {of}; expected a count from 0 up to the whole")
+        raise AnalysisError(f"share: found a count of {count} out of {of}; expected 0 to {of}")
     tail = 0.5 * (1.0 - level)
     low = float(special.betaincinv(count, of - count + 1, tail)) if count else 0.0
     high = float(special.betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
@@ -53,7 +53,7 @@ def pareto(counts: Mapping[str, int]) -> tuple[Cause, ...]:
     found, so_far = [], 0
     for name, count in sorted(counts.items(), key=lambda item: (-item[1], item[0])):
         if count < 0:
-            raise AnalysisError(f"Pareto: {name} came {count} times; expected 0 or more")
+            raise AnalysisError(f"Pareto chart: {name}: found a count of {count}; expected 0 or more")
         if count:
             so_far += count
             found.append(Cause(name, count, count / whole, so_far / whole))

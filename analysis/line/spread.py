@@ -50,7 +50,9 @@ def repeatability(runs: Sequence[Sequence[float]]) -> Repeatability:
     Raises AnalysisError for fewer than two runs, and for a run without a finite value.
     """
     if len(runs) < LEAST_RUNS:
-        raise AnalysisError(f"repeatability: found {len(runs)} runs; expected {LEAST_RUNS} or more of the same unit")
+        raise AnalysisError(
+            f"repeatability: found {len(runs)} runs; expected {LEAST_RUNS} or more of one unit. Measure again"
+        )
     rows = [checked_row(values, f"repeatability: run {number}", 1) for number, values in enumerate(runs, start=1)]
     means = np.array([row.mean() for row in rows])
     counts = np.array([row.size for row in rows])
@@ -96,7 +98,7 @@ def unit_to_unit(by_unit: Mapping[str, Sequence[float] | FloatArray], level: flo
     """
     checked_level(level)
     if len(by_unit) < 3:
-        raise AnalysisError(f"unit to unit: found {len(by_unit)} units; expected 3 or more")
+        raise AnalysisError(f"spread between units: found {len(by_unit)} units; expected 3 or more. Measure more units")
     values, sizes = _unit_by_unit(by_unit)
     first = np.cumsum(sizes) - sizes
     means = np.add.reduceat(values, first) / sizes

@@ -90,7 +90,10 @@ def type_one(
             f"type 1 study: reference {reference:g}, tolerance {tolerance:g}; expected numbers, and a tolerance above 0"
         )
     if not (0.0 < share <= 1.0 and sigmas > 0.0):
-        raise AnalysisError(f"type 1 study: share {share:g} over {sigmas:g} σ; expected 0…1 and above 0")
+        raise AnalysisError(
+            f"type 1 study: found a share of {share:g} of the tolerance and {sigmas:g} standard deviations; expected a "
+            "share above 0, up to 1, and more than 0 standard deviations"
+        )
     ordered = sorted({float(value) for value in row})
     if len(ordered) < 2:
         raise AnalysisError(

@@ -14,6 +14,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+import scipy  # loads ndimage where it is used
 
 from analysis.loop.branches import Blocks, Branch
 from analysis.loop.loop import Loop
@@ -160,11 +161,10 @@ def _slow(step: FloatArray, load: FloatArray, angle: FloatArray, begins: int, en
 
 def _over_usual(rate: FloatArray, reversed_at: int) -> FloatArray:
     """Return rates over the median of those around them; 1 where that tells nothing, as friction reverses."""
-    wide = np.pad(rate, AROUND, mode="reflect") if rate.size > AROUND else rate
-    if wide is rate:
-        usual: FloatArray = np.full(rate.size, float(np.median(rate)))
+    if rate.size > AROUND:
+        usual: FloatArray = scipy.ndimage.median_filter(rate, 2 * AROUND + 1, mode="mirror")
     else:
-        usual = np.median(np.lib.stride_tricks.sliding_window_view(wide, 2 * AROUND + 1), axis=1)
+        usual = np.full(rate.size, float(np.median(rate)))
     least = LEAST_USUAL * float(np.median(rate))
     told = (np.arange(rate.size) >= reversed_at) | (usual >= least)
     found: FloatArray = np.where(told, rate / np.maximum(usual, least), 1.0) if least > 0.0 else np.ones(rate.size)

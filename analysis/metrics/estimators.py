@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -29,6 +29,9 @@ LSQ_BAND = (0.2, 0.8)
 
 SECANT_BAND = (0.5, 1.0)
 """Band of the secant stiffness of makers' catalogues, of the reference torque."""
+
+ROUNDING = LSQ_POINTS * float(np.finfo(np.float64).eps)
+"""Share of the largest singular value of so many points that is rounding."""
 
 OPEN = 0.02
 """Share of a branch's torque by which the two may end apart: a turn that creeps opens it by less, a mask by more."""
@@ -138,12 +141,12 @@ def stiffness_segment(loop: Loop, ask: Ask, segment: int) -> float:
         low, high = ends[segment], ends[segment + 1]
         turned = loop.branch_at(ask.branch, ask.side, high) - loop.branch_at(ask.branch, ask.side, low)
         return _ratio(high - low, turned)
-    torque = np.linspace(0.0, loop.reference_nm, LSQ_POINTS)
+    torque, slopes = three_segments(ends)
     if ask.branch == "load":
         windup = loop.loading(ask.side, torque)
     else:
         windup = np.array([loop.branch_at(ask.branch, ask.side, float(one)) for one in torque])
-    return _ratio(1.0, three_segments(torque, windup, loop.method.stiffness_breaks_nm)[segment])
+    return _ratio(1.0, float(slopes[segment] @ windup))
 
 
 def stiffness_at(loop: Loop, ask: Ask) -> float:
@@ -203,17 +206,22 @@ def _ratio(torque_nm: float, angle_arcmin: float) -> float:
     return torque_nm / angle_arcmin if angle_arcmin else math.nan
 
 
-def three_segments(torque_nm: FloatArray, windup_arcmin: FloatArray, breaks_nm: tuple[float, float]) -> FloatArray:
-    """Return the slopes [arcmin per N·m] of the three lines, by least squares of the wind-up over torques from 0 up."""
-    first, second = breaks_nm
+@lru_cache(maxsize=16)
+def three_segments(ends_nm: tuple[float, float, float, float]) -> tuple[FloatArray, FloatArray]:
+    """Return torques from 0 up [N·m], and what makes the slopes of the three lines of the wind-up at these.
+
+    ends_nm: of the lines. The slopes [arcmin per N·m] are those of least squares; a budget asks for them thousands of
+    times, always at the same torques.
+    """
+    _, first, second, last = ends_nm
+    torque_nm = np.linspace(0.0, last, LSQ_POINTS)
     columns = (
         np.ones_like(torque_nm),
         np.minimum(torque_nm, first),
         np.clip(torque_nm - first, 0.0, second - first),
         np.maximum(torque_nm - second, 0.0),
     )
-    slopes = np.linalg.lstsq(np.column_stack(columns), windup_arcmin, rcond=None)[0][1:]
-    return np.asarray(slopes, dtype=np.float64)
+    return torque_nm, np.asarray(np.linalg.pinv(np.column_stack(columns), rcond=ROUNDING)[1:], dtype=np.float64)
 
 
 def grade_of(backlash_arcmin: float) -> int:

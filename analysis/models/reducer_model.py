@@ -20,6 +20,7 @@ from analysis.trace.units import FloatArray
 
 FORMAT = "lostmotion reducer model"
 VERSION = 1
+EXPORT = "Use a file that 'lostmotion model --out' wrote"
 
 
 @dataclass(frozen=True)
@@ -102,10 +103,10 @@ def model_from_json(text: str, source: str = "model file") -> ReducerModel:
     except (ValueError, RecursionError) as error:
         raise AnalysisError(f"{source}: not JSON: {error}; expected a file written by the model export") from error
     if not isinstance(document, dict) or document.get("format") != FORMAT or document.get("version") != VERSION:
-        raise AnalysisError(f"{source}: expected a JSON object with format '{FORMAT}' and version {VERSION}")
+        raise AnalysisError(f"{source}: expected a JSON object with format '{FORMAT}' and version {VERSION}. {EXPORT}")
     entries = document.get("parameters")
     if not isinstance(document.get("model"), str) or not isinstance(entries, list):
-        raise AnalysisError(f"{source}: expected 'model' (a name) and 'parameters' (a list)")
+        raise AnalysisError(f"{source}: expected 'model' (a name) and 'parameters' (a list). {EXPORT}")
     values: dict[str, float] = {}
     for number, entry in enumerate(entries, start=1):
         name, value = _entry(entry, f"{source}: parameters[{number}]")

@@ -65,7 +65,10 @@ def quadrants_of_cycles(trace: Trace, runs: Sequence[Run]) -> Quadrants:
     """
     cycles = [run for run in runs if run.role == "measure"]
     if not cycles:
-        raise AnalysisError(f"{trace.source}: no measured cycle; the torque ratio needs one, or a calibrate segment")
+        raise AnalysisError(
+            f"{trace.source}: found no cycle for the torque ratio; expected a measured cycle or a calibrate "
+            "segment. Use a trace that has one"
+        )
     fits = fit_lines(trace, cycles)
     lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
     return Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)

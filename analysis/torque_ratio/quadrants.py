@@ -212,9 +212,20 @@ def _end_of_unloading(unloaded: FloatArray, friction_nm: float) -> float:
         return float(unloaded.size)
     if near - far < ZERO_SAMPLES:
         return float(near)
-    at, slope = np.polynomial.polynomial.polyfit(np.arange(far, near) - near, unloaded[far:near], 1)
+    at, slope = _line_ahead(unloaded[far:near])
     ahead = -at / slope if slope > 0.0 else 0.0
     return float(min(near + min(max(ahead, 0.0), near - far), unloaded.size))
+
+
+def _line_ahead(values: FloatArray) -> tuple[float, float]:
+    """Return what the straight line through evenly spaced values, by least squares, has after the last; and its slope.
+
+    A fit of the zero asks for it some two hundred times.
+    """
+    count = values.size
+    about = np.arange(count) - (count - 1) / 2.0
+    slope = float(about @ values) / (count * (count * count - 1) / 12.0)
+    return float(values.mean()) + slope * (count + 1) / 2.0, slope
 
 
 def turn_lines(quadrants: Quadrants, direction: int) -> tuple[TorqueLine, TorqueLine]:

@@ -105,7 +105,8 @@ def _budget(entries: Sequence[Entry], kind: str) -> Budget:
     contributions = np.array([entry.contribution for entry in entries])
     if not np.isfinite(contributions).all():
         raise AnalysisError(
-            "the uncertainty has no value: with one of the sensor errors added, the metric cannot be computed"
+            "the uncertainty has no value: with one of the sensor errors added, the metric cannot be computed. "
+            "Check the sensor specifications in the bench file"
         )
     variance = float(np.square(contributions).sum())
     rows = [

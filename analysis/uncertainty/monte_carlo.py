@@ -93,5 +93,7 @@ def interval(errors: FloatArray, value: float, u: float, scattered: FloatArray |
     tail = 50.0 * (1.0 - CONFIDENCE)
     low, high = np.percentile(errors, [tail, 100.0 - tail])
     if not math.isfinite(float(errors.sum())):
-        raise ArithmeticError("Monte Carlo: in one of the draws, the metric cannot be computed")
+        raise ArithmeticError(
+            "Monte Carlo: in one of the draws, the metric cannot be computed. Check the sensor specifications"
+        )
     return MonteCarlo(errors.size, u, shift, value + float(low), value + float(high))

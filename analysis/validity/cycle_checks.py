@@ -12,7 +12,6 @@ import numpy as np
 
 from analysis.loop.closure import closure_gaps_arcmin, widest_jump_nm
 from analysis.loop.measured import Measured
-from analysis.trace.runs import Run
 from analysis.trace.units import FloatArray
 from analysis.validity.evidence import (
     MIDDLE,
@@ -24,6 +23,7 @@ from analysis.validity.evidence import (
     has_span,
     of_measured,
     of_span,
+    once,
 )
 from analysis.validity.noise_checks import BLOCK, SLOWEST_S
 
@@ -105,12 +105,15 @@ def copied_cycles(evidence: Evidence) -> Reading | str:
     fast = time is not None and float(np.median(np.diff(time))) <= SLOWEST_S
     worst, where = 0.0, ""
     for side in (0, 1):
-        branches = [(pair[side].cycle, _as_measured(found, pair[side].run)) for pair in found.pairs]
-        for (first, one), (second, other) in combinations(branches, 2):
-            noise = _noise_alike(one[:, :torques], other[:, :torques]) if fast else 0.0
+        samples = [of_cycle[side] for of_cycle in _as_measured(found)]
+        own = [np.diff(values[:, :torques], 2, axis=0) for values in samples] if fast else []
+        for first, second in combinations(range(len(samples)), 2):
+            one, other = samples[first], samples[second]
+            noise = _noise_alike(own[first], own[second]) if fast else 0.0
             share = max(_alike(one, other), noise)
             if share > worst:
-                worst, where = share, f"cycles {first} and {second} are copies of each other, sample by sample"
+                cycles = [found.pairs[place][side].cycle for place in (first, second)]
+                worst, where = share, f"cycles {cycles[0]} and {cycles[1]} are copies of each other, sample by sample"
     return Reading(100.0 * worst, where)
 
 
@@ -125,40 +128,47 @@ def repeated_samples(evidence: Evidence) -> Reading | str:
     if not evidence.noise_declared:
         return "needs the noise of the sensors in the bench file: without noise, identical samples are possible"
     worst, where = 0.0, ""
-    for one in (one for pair in found.pairs for one in pair):
-        values = _as_measured(found, one.run)
-        share = float((values[1:] == values[:-1]).all(axis=1).mean())
-        if share > worst:
-            worst, where = share, f"{one.where}: samples are the ones before, written once more"
+    for pair, of_cycle in zip(found.pairs, _as_measured(found), strict=True):
+        for one, values in zip(pair, of_cycle, strict=True):
+            share = float((values[1:] == values[:-1]).all(axis=1).mean())
+            if share > worst:
+                worst, where = share, f"{one.where}: samples are the ones before, written once more"
     return Reading(100.0 * worst, where)
 
 
-def _as_measured(found: Measured, run: Run) -> FloatArray:
-    """Torques and angles of a branch as they were recorded, shape (samples, channels)."""
-    channels = (getattr(found.recorded, name) for name in COMPARED)
-    return np.stack([run.take(values) for values in channels if values is not None], axis=1)
+@once
+def _as_measured(found: Measured) -> list[tuple[FloatArray, FloatArray]]:
+    """Torques and angles of both branches of each cycle as they were recorded, shape (samples, channels)."""
+    channels = [values for name in COMPARED if (values := getattr(found.recorded, name)) is not None]
+    rising, falling = ([np.stack([pair[side].run.take(values) for values in channels], axis=1) for pair in found.pairs]
+                       for side in (0, 1))  # fmt: skip
+    return list(zip(rising, falling, strict=True))
 
 
 def _alike(one: FloatArray, other: FloatArray) -> float:
     """Share of equal samples, counted from the start or from the end, whichever has more."""
+    return max(float((first == second).all(axis=1).mean()) for first, second in _beside(one, other))
+
+
+def _beside(one: FloatArray, other: FloatArray) -> list[tuple[FloatArray, FloatArray]]:
+    """Samples of two branches side by side from the start and, where one of them is longer, from the end."""
     size = min(len(one), len(other))
-    counted = ((one[:size], other[:size]), (one[-size:], other[-size:]))
-    return max(float((first == second).all(axis=1).mean()) for first, second in counted)
+    from_start = (one[:size], other[:size])
+    return [from_start] if len(one) == len(other) else [from_start, (one[-size:], other[-size:])]
 
 
 def _noise_alike(one: FloatArray, other: FloatArray) -> float:
     """Correlation of what each sample has that its neighbours have not, counted from the start or from the end.
 
-    Median over short blocks, of the channel that is most alike: what the load does at a turn comes again in each cycle.
+    one, other: second differences of the torques of two branches. Median over short blocks, of the channel that is most
+    alike: what the load does at a turn comes again in each cycle.
     """
-    size = min(len(one), len(other))
-    if size < BLOCK + 2:
+    if min(len(one), len(other)) < BLOCK:
         return 0.0
     found = 0.0
-    for first, second in ((one[:size], other[:size]), (one[-size:], other[-size:])):
-        left, right = (np.diff(values, 2, axis=0) for values in (first, second))
-        whole = len(left) // BLOCK * BLOCK
-        left, right = (values[:whole].reshape(-1, BLOCK, values.shape[1]) for values in (left, right))
+    for first, second in _beside(one, other):
+        whole = len(first) // BLOCK * BLOCK
+        left, right = (values[:whole].reshape(-1, BLOCK, values.shape[1]) for values in (first, second))
         both = np.sqrt(np.square(left).sum(axis=1) * np.square(right).sum(axis=1))
         shared = (left * right).sum(axis=1) / np.where(both > 0.0, both, np.inf)
         found = max(found, *np.median(shared, axis=0).tolist(), 0.0)

@@ -17,7 +17,7 @@ import numpy as np
 from analysis.loop.measured import Measured
 from analysis.trace.runs import Run
 from analysis.trace.units import FloatArray
-from analysis.validity.evidence import Figure, LeftOpen, Reading, of_measured
+from analysis.validity.evidence import Figure, LeftOpen, Reading, of_measured, once
 from definitions.units import ARCMIN_PER_RAD
 
 NO_DRIVE = "not measured: needs the torque that the drive reports in the trace"
@@ -224,21 +224,20 @@ def _means(values: FloatArray) -> FloatArray:
     return found
 
 
+@once
 def _apart(found: Measured) -> list[_Apart] | str:
     """Return the branches of one ramp, what one delay of the drive's position explains taken off; or why none."""
     trace = found.trace
     angle = trace.angle_in_rad if found.method.loading == "input" else trace.angle_out_rad
     if trace.drive_angle_rad is None or trace.t_s is None or angle is None:
         return NO_POSITION
+    channels = (trace.t_s, angle * ARCMIN_PER_RAD, trace.drive_angle_rad * ARCMIN_PER_RAD)
     branches = []
     for run in found.runs:
         per_block = sum(rows.stop - rows.start for rows in run.pieces) // ANGLE_BLOCKS
         if len(run.pieces) > 1 or per_block < LEAST_PER_BLOCK:
             continue
-        time, turned, position = (
-            _means(run.take(values))
-            for values in (trace.t_s, angle * ARCMIN_PER_RAD, trace.drive_angle_rad * ARCMIN_PER_RAD)
-        )
+        time, turned, position = (_means(run.take(values)) for values in channels)
         if (np.diff(time) > 0.0).all():
             apart = position - turned
             branches.append(_Apart(run, turned, apart - apart.mean(), np.gradient(turned, time)))

@@ -217,7 +217,7 @@ def angle_waves(evidence: Evidence) -> Reading | str:
         amplitudes = [0.0]
         for degree, tried in EVEN.items():
             stretches = [(angle, angle - np.polyval(np.polyfit(at, angle, degree), at)) for at, angle in loading]
-            amplitudes += [_amplitude_arcmin(stretches, way / waves) for waves in tried] if way else []
+            amplitudes += _amplitudes_arcmin(stretches, way / tried) if way else []
         explained = BY_CHANCE * _of_noise_arcmin(stretches) + rounding + evidence.angle_wave_arcmin
         beyond, unseen, longest = max(amplitudes) - explained, max(unseen, explained), min(longest, way)
         if beyond > worst:
@@ -250,10 +250,12 @@ def _loading_blocks(branch: BranchSamples, side: int, friction_nm: float) -> tup
     return at, angle
 
 
-def _amplitude_arcmin(stretches: list[tuple[FloatArray, FloatArray]], length_arcmin: float) -> float:
-    """Amplitude of the wave of a length that all cycles have in common, arcmin."""
-    turns = [np.exp(-2j * math.pi / length_arcmin * angle) for angle, _ in stretches]
-    return 2.0 * abs(complex(np.mean([np.mean(left * turn) for turn, (_, left) in zip(turns, stretches, strict=True)])))
+def _amplitudes_arcmin(stretches: list[tuple[FloatArray, FloatArray]], lengths_arcmin: FloatArray) -> list[float]:
+    """Amplitude of the wave of each length that all cycles have in common, arcmin."""
+    angles, left = (np.array(values) for values in zip(*stretches, strict=True))
+    turns = np.exp((-2j * math.pi / lengths_arcmin)[:, None, None] * angles)
+    found: list[float] = (2.0 * np.abs((left * turns).mean(axis=2).mean(axis=1))).tolist()
+    return found
 
 
 def _of_noise_arcmin(stretches: list[tuple[FloatArray, FloatArray]]) -> float:

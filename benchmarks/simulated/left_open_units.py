@@ -16,17 +16,9 @@ import numpy as np
 from analysis.evaluation.pipeline import analyse
 from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget
 from analysis.uncertainty.left_open import OPEN_SOURCES
-from benchmarks.simulated.loop_generator import (
-    KINDS,
-    Bench,
-    Defect,
-    Kind,
-    course_of,
-    figures_of,
-    measured,
-    method_of,
-    truth,
-)
+from benchmarks.simulated.kinds import KINDS, Kind
+from benchmarks.simulated.loop_generator import Bench, Defect, course_of, figures_of, measured, method_of
+from benchmarks.simulated.truth import truth
 from benchmarks.simulated.types_of_units import wanted_of
 
 SEED = 60

@@ -1,268 +1,27 @@
-"""Loops of a reducer that shares nothing with the virtual bench or with the analysis, and what they truly are.
+"""Measured loops of a `Kind`: how a run goes, what truly happens in it, and what a bench with defects records of it.
 
-The torque at the output drives a generalised Prandtl–Ishlinskii operator: many plays in parallel, of different
-thresholds that grow with the load. Its output loads an arctangent gap, Hertz contact (angle ∝ torque^⅔) and a straight
-spring. Friction at the input is another operator, many stops over the angle turned, times a level that grows with the
-load: it has its own transition after a reversal. So every branch is a closed form of torque and history, and the truth
-of a metric is read off that form at the very torque, without samples, fits or masks.
+Friction at the input is an operator of its own, many stops over the angle turned, times a level that grows with the
+load: it has its own transition after a reversal.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from functools import lru_cache
 
 import numpy as np
 
 from analysis.loop.method import Method
 from analysis.trace.trace import CHANNELS, SegmentInfo, Trace
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
+from benchmarks.simulated.kinds import PLAYS, Kind, mean
 
 ARCMIN_RAD = math.pi / 10_800.0
-PLAYS = 24
 EXACT_EVERY = 4
 """Samples between which the wind-up is straight; it is off by 2e-4 arcmin at most, where a play begins to move."""
 
 STOPS = 16
 PERIOD_S = 1e-3
-
-
-@dataclass(frozen=True)
-class Kind:
-    """A type of reducer. Torques are shares of the rated torque at the output, angles arcmin at the output.
-
-    threshold: least and largest friction threshold of the plays; the torque must turn back by twice that before the
-    angle follows wholly. yields: least and largest angle over which friction at the input reverses, halved.
-    """
-
-    name: str
-    ratio: float
-    rated_nm: float
-    spring_nm_per_arcmin: float
-    gap_arcmin: float
-    hertz_arcmin: float
-    threshold: tuple[float, float] = (0.01, 0.05)
-    threshold_grows: float = 0.2
-    gap_torque: float = 0.006
-    negative_angle: float = 1.0
-    input_friction: float = 0.034
-    input_friction_grows: float = 0.27
-    yields: tuple[float, float] = (0.002, 0.06)
-
-    def varied(self, random: np.random.Generator, spread: float = 0.15) -> Kind:
-        """Return another unit of this type."""
-        names = ("spring_nm_per_arcmin", "gap_arcmin", "hertz_arcmin", "threshold_grows", "gap_torque",
-                 "input_friction", "input_friction_grows")  # fmt: skip
-        moved = {name: getattr(self, name) * (1.0 + spread * random.uniform(-1.0, 1.0)) for name in names}
-        low, high = self.threshold
-        wider = 1.0 + spread * random.uniform(-1.0, 1.0)
-        return replace(self, **moved, threshold=(low, high * wider))
-
-    @property
-    def thresholds_nm(self) -> np.ndarray:
-        """Threshold of each play without load, N·m."""
-        return np.linspace(*self.threshold, PLAYS) * self.rated_nm
-
-    def elastic(self, torque_nm: np.ndarray | float) -> np.ndarray:
-        """Angle [arcmin] of gap, contacts and spring under a torque that no friction takes from."""
-        torque = np.asarray(torque_nm, dtype=np.float64)
-        share = np.abs(torque) / self.rated_nm
-        contact = np.sign(torque) * ((share + 1e-3) ** (2.0 / 3.0) - 1e-2)
-        gap = np.arctan(torque / (self.gap_torque * self.rated_nm)) / math.pi
-        angle = self.gap_arcmin * gap + self.hertz_arcmin * contact + torque / self.spring_nm_per_arcmin
-        return np.where(torque < 0.0, self.negative_angle * angle, angle)
-
-    def _reach(self, torque_nm: np.ndarray, direction: int) -> np.ndarray:
-        """Where each play is when it is dragged along: a column per play."""
-        torque = np.atleast_1d(torque_nm)[:, None]
-        drag = self.thresholds_nm * (1.0 + self.threshold_grows * np.abs(torque) / self.rated_nm)
-        return torque - direction * drag
-
-    def moved(self, plays: np.ndarray, torque_nm: np.ndarray, direction: int) -> np.ndarray:
-        """Return each play along a torque of one direction; plays: where they are before it."""
-        reach = self._reach(torque_nm, direction)
-        return np.maximum(plays, reach) if direction > 0 else np.minimum(plays, reach)
-
-    def angle(self, torque_nm: np.ndarray | float, direction: int, peak_nm: float) -> np.ndarray:
-        """Angle [arcmin] on a branch of the closed loop between ±peak: the truth."""
-        turn = self._reach(np.array([-direction * peak_nm]), -direction)[0]
-        along = self.moved(turn, np.atleast_1d(np.asarray(torque_nm, dtype=np.float64)), direction)
-        return np.asarray(self.elastic(along)).mean(axis=1)
-
-
-KINDS = {
-    kind.name: kind
-    for kind in (
-        Kind("RV-20E", 105.0, 167.0, 58.0, 0.35, 0.55),
-        Kind("RV-40E", 121.0, 412.0, 125.0, 0.3, 0.6),
-        Kind("RV-320E", 129.0, 3136.0, 1150.0, 0.25, 0.5),
-        Kind("RV-50", 121.0, 50.0, 33.0, 0.5, 0.4, threshold=(0.01, 0.04), gap_torque=0.02),
-        Kind("strain-wave", 100.0, 67.0, 12.0, 0.1, 1.6, threshold=(0.02, 0.25), gap_torque=0.05,
-             input_friction=0.05, input_friction_grows=0.35, yields=(0.01, 0.4)),
-        Kind("asymmetric", 121.0, 412.0, 125.0, 0.4, 0.6, negative_angle=1.25),
-    )
-}  # fmt: skip
-"""Types of units by name. Scales are those of their catalogues; stiffness_of says what they come to."""
-
-
-def width(unit: Kind, torque_nm: float, peak_nm: float) -> float:
-    """Loop width at a torque [arcmin]: return less forward branch."""
-    return float(unit.angle(torque_nm, -1, peak_nm)[0] - unit.angle(torque_nm, 1, peak_nm)[0])
-
-
-def mean(unit: Kind, torque_nm: float, peak_nm: float) -> float:
-    """Mean of both branches at a torque [arcmin]."""
-    return float(unit.angle(torque_nm, -1, peak_nm)[0] + unit.angle(torque_nm, 1, peak_nm)[0]) / 2.0
-
-
-def _secant(unit: Kind, side: int, peak_nm: float, *, loading: bool) -> float:
-    half, full = 0.5 * side * unit.rated_nm, side * unit.rated_nm
-    if loading:
-        turned = float(np.diff(unit.angle(np.array([half, full]), side, peak_nm))[0])
-    else:
-        turned = mean(unit, full, peak_nm) - mean(unit, half, peak_nm)
-    return 0.5 * unit.rated_nm / abs(turned)
-
-
-FIT_POINTS, LSQ_POINTS = 400, 200
-"""Equally spaced torques, ends among them, at which a segment and the least squares stiffness are fitted. They belong
-to the definition: an end weighs as much as a point between, which moves a spring constant by 0.02 %."""
-
-
-def _least_squares(unit: Kind, side: int, peak_nm: float) -> float:
-    torque = side * np.linspace(0.2, 0.8, LSQ_POINTS) * unit.rated_nm
-    return 1.0 / float(np.polyfit(torque, unit.angle(torque, side, peak_nm), 1)[0])
-
-
-def _energy(unit: Kind, _: int, peak_nm: float) -> float:
-    grid = np.linspace(-peak_nm, peak_nm, 40_001)
-    return float(np.trapezoid(unit.angle(grid, -1, peak_nm) - unit.angle(grid, 1, peak_nm), grid))
-
-
-def _chord(unit: Kind, side: int, peak_nm: float, low: float, high: float) -> float:
-    """Chord of the loading branch between two shares of the rated torque."""
-    torque = side * np.array([low, high]) * unit.rated_nm
-    return (high - low) * unit.rated_nm / abs(float(np.diff(unit.angle(torque, side, peak_nm))[0]))
-
-
-def _end_point(unit: Kind, side: int, peak_nm: float) -> float:
-    loaded, unloaded = unit.angle(side * unit.rated_nm, side, peak_nm), unit.angle(0.0, -side, peak_nm)
-    return unit.rated_nm / abs(float(loaded[0] - unloaded[0]))
-
-
-def _asymmetry(unit: Kind, _: int, peak_nm: float) -> float:
-    """With its sign: positive where the positive side winds up more."""
-    positive, negative, zero = (mean(unit, share * unit.rated_nm, peak_nm) for share in (1.0, -1.0, 0.0))
-    return (positive + negative - 2.0 * zero) * 30.0
-
-
-BREAK, FIT_END, STEP_NM = 90.0 / 412.0, 420.0 / 412.0, 10.0
-"""Break and end of the six-segment fit of the rated torque, step of the spring constant, as the sources have them."""
-
-
-def reversing_nm(unit: Kind, peak_nm: float) -> tuple[float, float]:
-    """Torque after the negative and the positive turn that no fit sees, by its definition in words.
-
-    1.125 times the torque by which the height of the loop comes to 95 % of its largest within 2.25 times the friction
-    torque, and by 2.25 times the friction torque at most; that times how far the steepness over it lies between a third
-    and two thirds.
-    """
-    grid = np.linspace(-peak_nm, peak_nm, 20_001)
-    rising, falling = unit.angle(grid, 1, peak_nm), unit.angle(grid, -1, peak_nm)
-    middle = rising[0] + (rising[-1] - rising[0]) * np.linspace(0.25, 0.75, 501)
-    friction = float(np.median(np.interp(middle, rising, grid) - np.interp(middle, falling, grid))) / 2.0
-    found = []
-    for end, left, arrived in ((-1, rising, falling), (1, falling, rising)):
-        depth = np.linspace(0.0, 2.25 * friction, 2001)
-        away = np.interp(end * (peak_nm - depth), grid, left)
-        height = end * (np.interp(away, arrived, grid) - end * (peak_nm - depth))
-        whole = depth[int(np.argmax(height >= 0.95 * height.max()))]
-        stretch = min(2.0 * friction, float(whole))
-        ends = end * (peak_nm - np.array([0.0, stretch]))
-        ways = [abs(float(np.diff(np.interp(ends, grid, branch))[0])) for branch in (left, arrived)]
-        found.append(1.125 * stretch * float(np.clip(3.0 * (1.0 - ways[0] / ways[1]) - 1.0, 0.0, 1.0)))
-    return found[0], found[1]
-
-
-@lru_cache(maxsize=4)
-def _fitted_mean(unit: Kind, peak_nm: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coefficients of the mean of both branches as fitted: negative, middle with the mean gap added, positive."""
-    reference, (below, above) = unit.rated_nm, reversing_nm(unit, peak_nm)
-    end = FIT_END * reference
-    ends = {1: (max(-end, below - peak_nm), end), -1: (-end, min(end, peak_nm - above))}
-    parts: list[list[np.ndarray]] = [[], [], []]
-    for direction, (low, high) in ends.items():
-        borders = (low, -BREAK * reference, BREAK * reference, high)
-        for part, degree in enumerate((2, 1, 2)):
-            torque = np.linspace(borders[part], borders[part + 1], FIT_POINTS)
-            parts[part].append(np.polyfit(torque / reference, unit.angle(torque, direction, peak_nm), degree))
-    negative, middle, positive = (np.mean(part, axis=0) for part in parts)
-    gaps = [np.polyval(outer, at) - np.polyval(middle, at) for outer, at in ((negative, -BREAK), (positive, BREAK))]
-    middle[-1] += np.mean(gaps)
-    return negative, middle, positive
-
-
-def _fitted_at(unit: Kind, side: int, peak_nm: float, *torques_nm: float) -> list[float]:
-    outer = _fitted_mean(unit, peak_nm)[0 if side < 0 else 2]
-    return [float(np.polyval(outer, side * torque / unit.rated_nm)) for torque in torques_nm]
-
-
-def _spring(unit: Kind, side: int, peak_nm: float) -> float:
-    low, high = _fitted_at(unit, side, peak_nm, unit.rated_nm - STEP_NM, unit.rated_nm)
-    return STEP_NM / abs(high - low)
-
-
-def _slope_at_half(unit: Kind, side: int, peak_nm: float) -> float:
-    low, high = _fitted_at(unit, side, peak_nm, (0.5 - 1e-6) * unit.rated_nm, (0.5 + 1e-6) * unit.rated_nm)
-    return 2e-6 * unit.rated_nm / abs(high - low)
-
-
-def _windup(unit: Kind, _: int, peak_nm: float) -> float:
-    return _fitted_at(unit, 1, peak_nm, unit.rated_nm)[0] - _fitted_at(unit, -1, peak_nm, unit.rated_nm)[0]
-
-
-TRUTH = {
-    "backlash_width_3pct": lambda unit, side, peak: width(unit, side * 0.03 * unit.rated_nm, peak),
-    "backlash_width_zero": lambda unit, _, peak: width(unit, 0.0, peak),
-    "lost_motion": lambda unit, _, peak: (
-        mean(unit, 0.03 * unit.rated_nm, peak) - mean(unit, -0.03 * unit.rated_nm, peak)
-    ),
-    "stiffness_50_100 load": lambda unit, side, peak: _secant(unit, side, peak, loading=True),
-    "stiffness_50_100 mean": lambda unit, side, peak: _secant(unit, side, peak, loading=False),
-    "stiffness_lsq": _least_squares,
-    "stiffness_two_point": lambda unit, side, peak: _chord(unit, side, peak, 0.2, 0.8),
-    "stiffness_estimate": lambda unit, side, peak: _chord(unit, side, peak, 0.0, 1.0),
-    "stiffness_end_point": _end_point,
-    "hysteresis_energy": _energy,
-    "hysteresis_angle": lambda unit, side, peak: 60.0 * width(unit, side * 0.5 * unit.rated_nm, peak),
-    "asymmetry_at_rated": _asymmetry,
-    "stiffness_at": _slope_at_half,
-    "spring_constant": _spring,
-    "windup": _windup,
-}
-"""What each metric truly is, by its definition in words: of a unit, a side (+1, -1) and the peak torque [N·m]."""
-
-
-def truth(unit: Kind, metric: str, side: int, peak_nm: float) -> float:
-    """Return what a metric truly is, from the closed form of the branches."""
-    return float(TRUTH[metric](unit, side, peak_nm))
-
-
-def with_backlash(unit: Kind, arcmin: float, peak_nm: float) -> Kind:
-    """Return the unit whose width at +3 % is so much, by bisection of its thresholds on its own noise-free curve."""
-    low, high = 0.05, 20.0
-
-    def scaled(factor: float) -> Kind:
-        return replace(unit, threshold=(unit.threshold[0] * factor, unit.threshold[1] * factor))
-
-    for _ in range(60):
-        middle = math.sqrt(low * high)
-        if width(scaled(middle), 0.03 * unit.rated_nm, peak_nm) < arcmin:
-            low = middle
-        else:
-            high = middle
-    return scaled(low)
 
 
 @dataclass(frozen=True)
@@ -313,7 +72,7 @@ class Course:
 def _windup(unit: Kind, torque_nm: np.ndarray, plays: np.ndarray) -> np.ndarray:
     """Wind-up [arcmin] along one direction: exact at every fourth sample, straight between; plays: a row per sample."""
     there = np.unique(np.append(np.arange(0, torque_nm.size, EXACT_EVERY), torque_nm.size - 1))
-    exact = np.asarray(unit.elastic(plays[there])).mean(axis=1)
+    exact = unit.mean_angle(plays[there])
     return np.interp(np.arange(torque_nm.size), there, exact)
 
 
@@ -374,11 +133,11 @@ def held(unit: Kind, ramp: Ramp, hold: Hold, period_s: float) -> Ramp:
     over = at + max(1, round(hold.overshoot_nm / step))
     back = torque[at:over][::-1]
     after = unit.moved(along[over - 1], back, -direction)
-    returned = np.asarray(unit.elastic(after)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    returned = unit.mean_angle(after) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
     rest = max(1, round(hold.rest_s / period_s))
     creep = direction * hold.creep_arcmin
     again = unit.moved(after[-1], torque[at:], direction)
-    onward = np.asarray(unit.elastic(again)).mean(axis=1) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
+    onward = unit.mean_angle(again) + windup[0] - np.asarray(unit.elastic(along[:1])).mean()
     return (
         np.concatenate((torque[:over], back, np.full(rest, back[-1]), torque[at:])),
         np.concatenate((along[:over], after, np.repeat(after[-1:], rest, axis=0), again)),

@@ -1,4 +1,4 @@
-"""Coverage by type of unit: units of `loop_generator`, each measured once, against the closed form of their loop."""
+"""Coverage by type of unit: units of `kinds`, each measured once, against the closed form of their loop."""
 
 from __future__ import annotations
 
@@ -10,16 +10,9 @@ import numpy as np
 from analysis.evaluation.pipeline import Curves, analyse
 from analysis.loop.method import MetricWanted
 from benchmarks.simulated.coverage import CoverageRow, coverage_row
-from benchmarks.simulated.loop_generator import (
-    KINDS,
-    TRUTH,
-    Bench,
-    course_of,
-    figures_of,
-    measured,
-    method_of,
-    truth,
-)
+from benchmarks.simulated.kinds import KINDS
+from benchmarks.simulated.loop_generator import Bench, course_of, figures_of, measured, method_of
+from benchmarks.simulated.truth import TRUTH, truth
 
 SEED = 30
 Values = list[tuple[float, float, float]]

@@ -194,7 +194,9 @@ def _check_pdos(key: str, pdos: tuple[_Pdo, ...], known: Mapping[str, str], *, r
         if item.name not in known:
             raise ValueError(f"{key}: unknown name {item.name!r}; allowed: {', '.join(known)}")
         if item.type != known[item.name]:
-            raise ValueError(f"{key}: {item.name} has type {item.type}; CiA 402 gives it {known[item.name]}")
+            raise ValueError(
+                f"{key}: {item.name} has type {item.type}; CiA 402 gives it {known[item.name]}. Correct the type"
+            )
     names = [item.name for item in mapped]
     once = [name for name in names if name not in repeated]
     if len(set(once)) != len(once):

@@ -25,6 +25,8 @@ from drivers.pace import readable
 PIECE = 32 * 1024
 """Bytes that are received at once: more frames than a scan takes, after missed periods as well."""
 
+CHECK_SERVER = "check that host and port are those of the server"
+
 LONGEST_TEXT = 200
 """Bytes without an end after which they are no message of socketcand."""
 
@@ -60,7 +62,7 @@ class SocketcandBus(can.BusABC):
             if not size:
                 if frames:
                     break  # these first: the end is found again
-                raise PeerClosedError("the socketcand server closed the connection")
+                raise PeerClosedError("the socketcand server closed the connection; check that it is still running")
             *texts, self._rest = (self._rest + self._received[:size]).split(b">")
             frames += map(_decode, texts)
             if self._rest:
@@ -156,11 +158,11 @@ def _decode(text: bytes) -> Frame:
         return (int(words[2], 16), data) if len(words[2]) == 3 else (FOREIGN, data)
     if words[0] == b"<" and words[1] in _NO_FRAMES:
         return FOREIGN, b""
-    raise ValueError(f"{text[:40]!r} is not a frame of socketcand")
+    raise ValueError(f"{text[:40]!r} is not a message of socketcand; {CHECK_SERVER}")
 
 
 def _check_begun(rest: bytes) -> None:
     """Refuse what is no beginning of a message."""
     begun = rest.lstrip()
     if (begun and not begun.startswith(b"<")) or len(rest) > LONGEST_TEXT:
-        raise ValueError(f"{rest[:40]!r} is not a frame of socketcand")
+        raise ValueError(f"{rest[:40]!r} is not a message of socketcand; {CHECK_SERVER}")

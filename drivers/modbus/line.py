@@ -144,7 +144,7 @@ class ModbusLine:
             self._lose(f"sending failed: {error}")
             return False
         if sent != len(frame):
-            self._lose("sending failed: the device does not read")
+            self._lose("sending failed: the device does not read; restart the device")
             return False
         self._pending = request
         self._sent_scan = scan
@@ -203,7 +203,7 @@ class ModbusLine:
             return b""
         if not arrived:  # a terminal reads empty when nothing is there too, a socket only when it was closed
             if not self.rtu:
-                self._lose("the device closed the connection")
+                self._lose("the device closed the connection; check that it has power and no other master")
             elif hung_up(self._descriptor):
                 self._lose("the serial port was hung up: its adapter was unplugged")
         self.bytes_received += len(arrived)

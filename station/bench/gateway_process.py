@@ -35,7 +35,9 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
 
     def device(name: str, there: ModbusDevice) -> ModbusTarget:
         if there.transport != "tcp":
-            raise StationError(f"gateway: {name} is on Modbus {there.transport}; a gateway needs Modbus TCP")
+            raise StationError(
+                f"gateway: {name} is on Modbus {there.transport}; a gateway needs Modbus TCP. Use a bench file with TCP"
+            )
         registers = modbus_profile(FileAt(profiles[there.profile]))
         return ModbusTarget(there.host, there.port, there.unit_id, registers)
 

@@ -1,4 +1,4 @@
-"""Reading of documents: one way from JSON to a class, for every class of this room; `entries` has the way back.
+"""Reading of documents: one way from JSON to a class, for every class of this room; `entries` does the reverse.
 
 A reader gets a document in which every entry is of its kind, or a RecordError that names the file, the entry, what was
 found and what is allowed. What an older version did not write has the default of its class. An entry that no class

@@ -10,10 +10,10 @@ from station.documents.entries import one_of
 
 MET, NOT_MET, OPEN, ATTACHED = "met", "not met", "open", "attached"
 STATES = {
-    MET: "what is asked is so, by the evidence beside it",
-    NOT_MET: "it is not so",
-    OPEN: "nobody has shown it yet; the command beside it does",
-    ATTACHED: "a file for a person to read; this program does not judge it",
+    MET: "the evidence shows that the requirement is met",
+    NOT_MET: "the evidence shows that the requirement is not met",
+    OPEN: "there is no evidence yet; the command beside it makes it",
+    ATTACHED: "a file for a person to judge; this program does not judge it",
 }
 INSTALLATION, OPERATION, PERFORMANCE = "installation", "operation", "performance"
 PARTS = {

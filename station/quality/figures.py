@@ -280,5 +280,7 @@ def _origin(production: Production, lot: Lot, what: Characteristic, side: str) -
     """Return a value of the lot, which is near the mean of all as far as rounding is concerned."""
     newest = values(production, lot._replace(newest=1), what, side)
     if not newest:
-        raise StationError(f"{what.name} side {side}: no first attempt of this lot has a value")
+        raise StationError(
+            f"{what.name} side {side}: no first attempt of this lot has a value. Choose another side or lot"
+        )
     return newest[0].value

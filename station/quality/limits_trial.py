@@ -181,8 +181,8 @@ def draft_of(data: Path, found: Trial, person: str) -> Revision:
     places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
     if len(places) != 1:
         raise StationError(
-            f"{found.metric.metric} occurs {len(places)} times in the recipe's own metrics, once is needed; change "
-            "the recipe in the station"
+            f"{found.recipe_run}: {path.name}: found {len(places)} entries of {found.metric.metric} under metrics; "
+            "expected exactly one. Change the limits by hand on the page Recipes"
         )
     for name in ("limit_min", "limit_max"):
         now, new = getattr(found.before, name), getattr(found.after, name)

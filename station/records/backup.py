@@ -214,14 +214,15 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
                     raise RecordError(
-                        f"{file}: {entry.name}: found no file, or a file after {LIST}; it is not a backup"
+                        f"{file}: {entry.name}: found no file, or a file after {LIST}; it is not a backup. Take "
+                        "another file"
                     )
                 if entry.name == LIST:
                     listed = document_in(FileList, content.read(), file / LIST)
                     continue
                 found[entry.name] = _extracted(file, entry.name, content, into)
     except (tarfile.TarError, EOFError, ValueError) as error:
-        raise RecordError(f"{file}: cannot be read as a backup: {error}") from error
+        raise RecordError(f"{file}: cannot be read as a backup: {error}. Take another backup") from error
     except OSError as error:
         raise refused(file, error, "read") from error
     if listed is None:
@@ -241,7 +242,8 @@ def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
         raise RecordError(
-            f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program"
+            f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program. Take "
+            "another file"
         )
     size, digest = 0, hashlib.sha256()
     with ExitStack() as opened:

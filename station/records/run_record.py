@@ -140,7 +140,7 @@ class RunRecord:
         try:
             path.unlink(missing_ok=True)
         except OSError as error:
-            raise RecordError(f"{path}: cannot be removed: {error.strerror}") from error
+            raise refused(path, error, "removed") from error
 
     def has(self, name: str) -> bool:
         """Whether the run has this file."""

@@ -12,8 +12,7 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from station.atomic_file import sync_folder, write_atomic
-from station.errors import RecordError
+from station.atomic_file import refused, sync_folder, write_atomic
 from station.records.chain.entries import Entry
 from station.records.chain.problems import Problem
 
@@ -35,7 +34,7 @@ def keep_trace(data: Path, run: str, files: Mapping[str, bytes]) -> str:
         sync_folder(folder)
         sync_folder(folder.parent)
     except OSError as error:
-        raise RecordError(f"{folder}: cannot be written: {error.strerror}") from error
+        raise refused(folder, error) from error
     return hash_of(files)
 
 

@@ -194,7 +194,7 @@ _PLACES: dict[str, Place] = {}
 def _place(settings: ArchiveSettings | None) -> Place:
     """Return an archive, opened once in a process."""
     if settings is None:
-        raise StationError("the run is neither in its folder nor in the archive")
+        raise StationError("the run is neither in its folder nor in the archive. Restore it from a backup")
     key = settings.model_dump_json()
     if key not in _PLACES:
         _PLACES[key] = Place(settings)

@@ -95,7 +95,7 @@ def _heads(data: Path) -> CertificateFile:
     try:
         return load_document(file, CertificateFile) if file.is_file() else CertificateFile()
     except RecipeError as error:
-        raise RecordError(f"no certificate: {error}") from error
+        raise RecordError(f"the certificate cannot be made: {error}") from error
 
 
 def _facts(heads: CertificateFile, manifest: Manifest, result: Result) -> tuple[tuple[str, str], ...]:

@@ -87,7 +87,7 @@ def export_run(run: RunRecord, file_format: str, path: Path, locale: str = "en")
     if damage:
         raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported. Restore the run from a backup")
     if not read_back.records:
-        raise StationError(f"{run.id}: the run has no records: nothing was measured")
+        raise StationError(f"{run.id}: the run has no records: nothing was measured. Choose another run")
     table = table_of(content, layout)
     measured, note = for_analysis(run, table)
     columns = columns_of(table, run.manifest().period_ns, measured)

@@ -31,7 +31,10 @@ def shown_of(run: RunRecord) -> Shown:
     except AnalysisError:
         job = stored_job(run)
     except RecipeError as error:
-        raise RecordError(f"{run.id}: no report: its recipe or bench cannot be read any more: {error}") from error
+        raise RecordError(
+            f"{run.id}: the report cannot be made: its recipe or bench file cannot be read: {error}. Restore the run "
+            "from a backup"
+        ) from error
     return Shown(job, result, None)
 
 
@@ -46,7 +49,9 @@ def made_report(run: RunRecord, *, keep: bool) -> tuple[bytes, bytes]:
         return illustrate(run, shown_of(run), keep=keep)
     except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
         what = " ".join(str(error).split())
-        raise RecordError(f"{run.id}: no report: its record is damaged: {what}. See 'lostmotion show'") from error
+        raise RecordError(
+            f"{run.id}: the report cannot be made, because its record is damaged: {what}. See 'lostmotion show'"
+        ) from error
 
 
 def report_of(run: RunRecord) -> tuple[bytes, bytes]:

@@ -68,10 +68,13 @@ def refuse_doubtful(run: RunRecord) -> None:
     """
     manifest = run.manifest()
     if not is_sealed(manifest):
-        raise RecordError(f"{run.id}: not concluded yet, so there is no result")
+        raise RecordError(f"{run.id}: not concluded yet, so there is no result. Run 'lostmotion conclude {run.id}'")
     doubts = [*alterations(run), *check_samples(run, manifest.records).problems]
     if doubts:
-        raise RecordError(f"{run.id}: the record was altered: {doubts[0]}. Its verdict does not count")
+        raise RecordError(
+            f"{run.id}: the record was altered, so its verdict does not count: {doubts[0]}. Restore the "
+            "run from a backup"
+        )
 
 
 def without_verdicts(result: Result, reasons: Sequence[str]) -> Result:

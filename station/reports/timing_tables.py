@@ -84,7 +84,7 @@ def timing_details(proof: Timing | None) -> list[str]:
     if proof.parts_us:
         parts = ", ".join(f"{name} {one.p99:.0f}" for name, one in proof.parts_us.items())
         longest = "".join(f"; longest scan {_reason(one)}" for one in (proof.longest_scans or ())[:1])
-        told.append(f"scan parts (p99): {parts} µs{longest}")
+        told.append(f"scan time by part (p99): {parts} µs{longest}")
     return told
 
 

@@ -180,7 +180,7 @@ def trace_of(
     """
     kept = table[evaluated(table)]
     if not len(kept):
-        raise StationError(f"{source}: the run ended before anything was measured")
+        raise StationError(f"{source}: the run ended before anything was measured. Measure the unit again")
     measured: Channels = {**measured_channels(kept, bench)}
     return Trace(
         t_s=kept["scan"] * (period_ns * 1e-9),

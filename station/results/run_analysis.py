@@ -87,7 +87,9 @@ def complete_run(run: RunRecord) -> RunAnalysis:
     """
     state = run.state()
     if state != "complete":
-        raise StationError(f"{run.id}: the run ended as {state}: it has no complete trace to evaluate")
+        raise StationError(
+            f"{run.id}: the run ended as {state}: it has no complete trace to evaluate. Measure the unit again"
+        )
     altered = alterations(run)
     if altered:
         raise StationError(

@@ -16,6 +16,7 @@ from station.errors import StationError
 from station.store.places import StorePlace
 from station.store.tables import METADATA
 
+ACTION = "Check that the database runs and that this user may write it"
 HEAD = "0005"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
@@ -156,4 +157,4 @@ def _told(place: StorePlace) -> Iterator[None]:
         yield
     except (SQLAlchemyError, OSError) as error:
         cause = " ".join(str(getattr(error, "orig", None) or error).split())
-        raise StoreError(f"{place.shown}: the store cannot be used: {cause[:300]}") from error
+        raise StoreError(f"{place.shown}: the store of runs cannot be used: {cause[:300]}. {ACTION}") from error

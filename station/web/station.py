@@ -34,7 +34,7 @@ class Station:
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""
     bench: BenchWatch = field(init=False)
-    """What the bench shows, and the way back from a fault."""
+    """What the bench shows, and the recovery from a fault."""
     jogging: Jogging = field(init=False)
     """The jog of the bench."""
 

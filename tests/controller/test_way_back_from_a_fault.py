@@ -1,4 +1,4 @@
-"""The way back from a fault: acknowledgement, reset, and a unit that is unloaded before its lock opens."""
+"""The recovery from a fault: acknowledgement, reset, and a unit that is unloaded before its lock opens."""
 
 from __future__ import annotations
 

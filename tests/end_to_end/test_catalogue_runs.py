@@ -30,6 +30,7 @@ class Model(NamedTuple):
         torque = self.rated_nm / 412.0
         document = YAML(typ="safe").load(RECIPE)
         document["recipe"]["name"] = self.name.lower()
+        document["sampling"]["period"] = "2 ms"  # half of the scans; at 4 ms a bin has too few samples
         document["unit_under_test"] = {
             "model": self.name,
             "ratio": self.ratio,

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from lostmotion_command import ROOT, Running, forked, here
-from patient import GOLDEN_RECIPE
+from patient import GOLDEN_RECIPE, QUICK_RECIPE, write_changed
 from run_samples import read_back
 
 import station.cli.measure.run
@@ -118,8 +118,25 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
     assert read_back(ran.record, result["timing"]["scans"]).problems == ()
 
 
+@pytest.fixture(scope="module")
+def recipe(tmp_path_factory: pytest.TempPathFactory) -> str:
+    """The quick recipe, with a quarter of its scans."""
+    target = tmp_path_factory.mktemp("recipe") / "quick.yaml"
+    return str(write_changed(QUICK_RECIPE, target, {"sampling": {"period": "4 ms"}}))
+
+
+UNIT = ("--serial", "SN 1", "--operator", "A. Tester", "--no-report")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(stored_once, recipe):
+    return stored_once("undisturbed", recipe, *UNIT)
+
+
 @pytest.mark.parametrize("pages", [0, 1, 3, 12, 30])
-def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict(disk, quick_run, pages, monkeypatch):
+def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict(
+    disk, recipe, undisturbed, pages, monkeypatch
+):
     """In so many free pages there is room for no file of the conclusion, or for some, or for all but the last."""
     honest = station.cli.measure.run.conclude
 
@@ -127,10 +144,9 @@ def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict
         (disk / "ballast").write_bytes(bytes(shutil.disk_usage(disk).free - 4096 * pages))
         return honest(*args)
 
-    words = ("rv-40e-121-quick", "--serial", "SN 1", "--operator", "A. Tester", "--virtual-time", "--no-report")
     with monkeypatch.context() as patched:
         patched.setattr(station.cli.measure.run, "conclude", in_little_room)
-        ran = forked("run", *words, "--json", "--data", str(disk))
+        ran = forked("run", recipe, *UNIT, "--virtual-time", "--json", "--data", str(disk))
     (folder,) = (path.parent for path in disk.glob("*/run.json"))
     (disk / "ballast").unlink()
     assert ran.exit_code == 4, ran.err
@@ -141,7 +157,7 @@ def test_a_disk_that_fills_up_while_a_run_is_concluded_costs_time_and_no_verdict
     assert here("conclude", "--all", "--data", str(disk)).exit_code == 0
     shown = here("show", folder.name, "--data", str(disk), "--json").json
     own = ("run", "record")
-    expected = here("show", "last", "--data", str(quick_run.data), "--json").json
+    expected = here("show", "last", "--data", str(undisturbed.data), "--json").json
     assert expected["verdict"] == "PASS"
     assert {**shown, **dict.fromkeys(own)} == {**expected, **dict.fromkeys(own)}
     assert here("list", "--data", str(disk), "--json").json[0]["state"] == "complete"

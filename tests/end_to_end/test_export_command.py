@@ -4,13 +4,11 @@ from __future__ import annotations
 
 import errno
 import json
-import os
-import subprocess
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from lostmotion_command import COMMAND, ROOT
+from lostmotion_command import here
 from printed_numbers import alike
 from run_samples import as_recorded, flip, records_of
 
@@ -91,7 +89,6 @@ OTHER_RECIPES = sorted(set(shipped_recipes()) - {"rv-40e-121-quick"})
 STEPPED = "rv-40e-121-measurement"
 
 
-@pytest.mark.long
 @pytest.mark.parametrize("name", OTHER_RECIPES)
 def test_whatever_the_recipe_the_export_of_its_run_is_evaluated_as_the_run_is(lostmotion, shipped_run, tmp_path, name):
     """What a recipe loads by, ramps, steps or a speed, must be in the file: gates and metrics go by it."""
@@ -114,7 +111,7 @@ def test_the_steps_of_a_branch_are_numbered_and_belong_to_the_trace(lostmotion, 
     assert names - stepped == {f"measure {sign}1 {cycle}" for sign in "+-" for cycle in (1, 2, 3)}
 
 
-def test_a_file_that_has_lost_its_steps_is_told_with_the_way_out(lostmotion, shipped_run, tmp_path):
+def test_a_file_that_has_lost_its_steps_is_told_with_the_way_out(lostmotion, shipped_run, quarter, tmp_path):
     """As a version before steps were numbered wrote it: the same trace, by its own account, and another verdict."""
     record, path = shipped_run(STEPPED).record, tmp_path / "run.parquet"
     assert lostmotion("export", str(record), "--out", str(path)).exit_code == 0
@@ -123,7 +120,7 @@ def test_a_file_that_has_lost_its_steps_is_told_with_the_way_out(lostmotion, shi
     texts = [" ".join(text.split()[:3]) for text in table["segment"].to_pylist()]
     run = json.loads(table.schema.metadata[b"lostmotion"])
     bare = table.set_column(place, "segment", [texts])
-    how = ("--recipe", STEPPED, "--bench", "virtual", "--json")
+    how = ("--recipe", quarter(STEPPED), "--bench", "virtual", "--json")
     pq.write_table(bare, path)
     assert lostmotion("analyze", str(path), *how).json["origin"]["changed"]
     run["trace"] = fingerprint_of(read_trace(path))
@@ -144,7 +141,7 @@ def quick_csv(lostmotion, quick_run, folder):
     return path
 
 
-def test_an_exported_trace_that_was_changed_is_not_told_as_that_of_the_run(lostmotion, quick_run, tmp_path):
+def test_an_exported_trace_that_was_changed_is_not_told_as_that_of_the_run(lostmotion, quick_run, quarter, tmp_path):
     path = quick_csv(lostmotion, quick_run, tmp_path)
     head, *rows = path.read_text(encoding="utf-8").splitlines()
     place = head.split(",").index("angle_in_rad")
@@ -152,17 +149,18 @@ def test_an_exported_trace_that_was_changed_is_not_told_as_that_of_the_run(lostm
     for cells in bent:
         cells[place] = repr(1.001 * float(cells[place]))
     path.write_text("\n".join([head, *map(",".join, bent), ""]), encoding="utf-8")
-    ran = lostmotion("analyze", str(path), "--recipe", "rv-40e-121-quick", "--bench", "virtual", "--json")
+    how = ("--recipe", quarter("rv-40e-121-quick"), "--bench", "virtual")
+    ran = lostmotion("analyze", str(path), *how, "--json")
     assert (ran.json["origin"]["changed"], ran.json["reevaluated"], ran.json["serial"]) == (True, True, None)
     assert "CHANGED SINCE" in ran.json["notes"][0]
-    assert "RE-EVALUATED" in lostmotion("analyze", str(path), "--recipe", "rv-40e-121-quick", "--bench", "virtual").out
+    assert "RE-EVALUATED" in lostmotion("analyze", str(path), *how).out
 
 
-def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, tmp_path):
+def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, quarter, tmp_path):
     path = quick_csv(lostmotion, quick_run, tmp_path)
     beside = tmp_path / "quick.csv.json"
     said = json.loads(beside.read_text(encoding="utf-8"))
-    how = ("--recipe", "rv-40e-121-quick", "--bench", "virtual", "--json")
+    how = ("--recipe", quarter("rv-40e-121-quick"), "--bench", "virtual", "--json")
 
     def analyzed(**changes):
         beside.write_text(json.dumps(said | {"run": said["run"] | changes}), encoding="utf-8")
@@ -254,17 +252,15 @@ def test_a_run_has_its_name_however_its_folder_is_written(stored, tmp_path, monk
 
 
 def test_a_run_is_exported_from_inside_its_folder_to_another_place(stored, tmp_path):
-    environment = os.environ | {"PYTHONPATH": str(ROOT)}
     (tmp_path / "out").mkdir()
     before = sorted(path.name for path in stored.iterdir())
     for out, code, told in (
         ([], 2, f"--out {stored.name}.parquet: lies in the folder of run {stored.name}"),
         (["--out", str(tmp_path / "out")], 0, str(tmp_path / "out" / f"{stored.name}.parquet")),
     ):
-        words = [*COMMAND, "export", ".", *out]
-        done = subprocess.run(words, cwd=stored, env=environment, text=True, capture_output=True, check=False)
-        assert done.returncode == code
-        assert told in done.stdout + done.stderr
+        done = here("export", ".", *out, cwd=stored)
+        assert done.exit_code == code
+        assert told in done.out + done.err
     assert sorted(path.name for path in stored.iterdir()) == before
 
 

@@ -1,4 +1,4 @@
-"""The way back over real wires: a virtual bench that runs on by itself, a run torn off under torque, `recover`."""
+"""The recovery over real wires: a virtual bench that runs on by itself, a run torn off under torque, `recover`."""
 
 from __future__ import annotations
 

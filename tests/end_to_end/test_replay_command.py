@@ -17,7 +17,12 @@ from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import seal
 
 GOLDEN_RECIPE = Path(__file__).parents[1] / "proofs" / "golden" / "golden.yaml"
-QUICK_RECIPE = Path(__file__).parents[2] / "recipes" / "rv-40e-121-quick.yaml"
+
+
+@pytest.fixture
+def quick_recipe(quarter) -> Path:
+    """The recipe of `quick_run`."""
+    return Path(quarter("rv-40e-121-quick"))
 
 
 def changed(recipe: Path, to: Path, *edits: tuple[str, str]) -> str:
@@ -157,10 +162,12 @@ def test_what_if_lists_interlocks_and_metrics_that_would_have_changed(lostmotion
     assert samples["record_bytes"] == RECORD_BYTES, "a what-if leaves the record alone"
 
 
-def test_what_if_decides_nothing_where_the_other_recipe_would_have_held_the_run(lostmotion, quick_run, tmp_path):
+def test_what_if_decides_nothing_where_the_other_recipe_would_have_held_the_run(
+    lostmotion, quick_run, quick_recipe, tmp_path
+):
     run = str(quick_run.copy(tmp_path / "runs"))
     other = changed(
-        QUICK_RECIPE,
+        quick_recipe,
         tmp_path / "trip60.yaml",
         ("torque_out_alarm: 114 %", "torque_out_alarm: 50 %"),
         ("torque_out_trip: 120 %", "torque_out_trip: 60 %"),
@@ -206,26 +213,30 @@ def test_what_if_sees_what_no_limit_of_the_load_tells(lostmotion, stored, tmp_pa
     assert "nothing would have changed" not in lostmotion("replay", str(stored), "--recipe", other).out
 
 
-def test_what_if_takes_a_recipe_that_a_run_refuses_for_one_without_a_verdict(lostmotion, quick_run, tmp_path):
+def test_what_if_takes_a_recipe_that_a_run_refuses_for_one_without_a_verdict(
+    lostmotion, quick_run, quick_recipe, tmp_path
+):
     run = str(quick_run.copy(tmp_path / "runs"))
-    other = changed(QUICK_RECIPE, tmp_path / "idle.yaml", ("{id: windup}", "{id: windup, min: 0 arcmin}"))
+    other = changed(quick_recipe, tmp_path / "idle.yaml", ("{id: windup}", "{id: windup, min: 0 arcmin}"))
     ran = lostmotion("replay", run, "--recipe", other, "--json")
     found = ran.json["what_if"]
     assert (ran.exit_code, found["divergence"]) == (1, None)
     assert (found["verdict"]["recorded"], found["verdict"]["other"]) == ("PASS", "NOT DECIDABLE")
     assert found["verdict"]["reasons"][0].startswith("a run would refuse the recipe: ")
-    never = changed(QUICK_RECIPE, tmp_path / "never.yaml", ("max_torque: 2 %", "max_torque: 0.001 %"))
+    never = changed(quick_recipe, tmp_path / "never.yaml", ("max_torque: 2 %", "max_torque: 0.001 %"))
     ran = lostmotion("replay", run, "--recipe", never)
     assert ran.exit_code == 1
     assert "a run would refuse it" in ran.out
     assert "nothing would have changed" not in ran.out
 
 
-def test_what_if_tells_the_slip_limit_from_that_of_the_proof_where_both_are_the_same(lostmotion, tmp_path):
-    own = changed(QUICK_RECIPE, tmp_path / "own.yaml", ("lock_slip: 0.5 arcmin", "lock_slip: 0.2 arcmin"))
+def test_what_if_tells_the_slip_limit_from_that_of_the_proof_where_both_are_the_same(
+    lostmotion, quick_recipe, tmp_path
+):
+    own = changed(quick_recipe, tmp_path / "own.yaml", ("lock_slip: 0.5 arcmin", "lock_slip: 0.2 arcmin"))
     ran = lostmotion("run", own, "--virtual-time", "--unit", "P1", "--serial", "SL", "--json")
     assert ran.exit_code == 0, ran
-    other = changed(QUICK_RECIPE, tmp_path / "other.yaml", ("lock_slip: 0.5 arcmin", "lock_slip: 0.01 arcmin"))
+    other = changed(quick_recipe, tmp_path / "other.yaml", ("lock_slip: 0.5 arcmin", "lock_slip: 0.01 arcmin"))
     asked = lostmotion("replay", str(ran.record), "--recipe", other, "--json")
     (slip,) = asked.json["what_if"]["interlocks"]
     assert (slip["id"], slip["change"], slip["state"], slip["exact"]) == ("lock_slip", "new", "calibrate", True)
@@ -262,14 +273,16 @@ def test_a_recipe_that_cannot_say_anything_about_the_run_is_refused(lostmotion, 
         assert said in ran.err
 
 
-def test_what_speaks_against_a_run_besides_its_recipe_speaks_against_any_other_recipe(lostmotion, quick_run, tmp_path):
+def test_what_speaks_against_a_run_besides_its_recipe_speaks_against_any_other_recipe(
+    lostmotion, quick_run, quick_recipe, tmp_path
+):
     stored = quick_run.copy(tmp_path / "runs")
     result = json.loads((stored / "result.json").read_text(encoding="utf-8"))
     said = "the supervisor was lost before the scan process could say that it had ended"
     result |= {"verdict": "NOT DECIDABLE", "reasons": [said, *result["reasons"]]}
     conclude_anew(stored, result)
     other = changed(
-        QUICK_RECIPE, tmp_path / "other.yaml", ("{id: backlash_width_3pct, max: 1", "{id: backlash_width_3pct, max: 2")
+        quick_recipe, tmp_path / "other.yaml", ("{id: backlash_width_3pct, max: 1", "{id: backlash_width_3pct, max: 2")
     )
     found = lostmotion("replay", str(stored), "--recipe", other, "--json").json["what_if"]
     assert (found["verdict"]["recorded"], found["verdict"]["other"]) == ("NOT DECIDABLE", "NOT DECIDABLE")

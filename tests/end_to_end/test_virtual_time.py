@@ -33,6 +33,10 @@ BENCH_RECIPES: dict[str, dict[tuple[str, str | None], object]] = {
 """The recipes of each kind of bench, with figures of their default unit."""
 
 
+AT_4_MS = {"sampling": {"period": "4 ms"}}
+"""Of the short recipe: what it shows does not hang on the number of its scans."""
+
+
 def recipe(name: str) -> str:
     return f"recipes/{name}.yaml"
 
@@ -42,14 +46,20 @@ def metric(result: dict, metric_id: str, branch: str | None = None) -> float:
     return value
 
 
-def test_calibrated_input_torque_recovers_them_too(lostmotion, tmp_path):
-    text = Path(recipe("rv-40e-121-quick")).read_text(encoding="utf-8")
+def test_calibrated_input_torque_recovers_them_too(lostmotion, quarter, tmp_path):
+    text = Path(quarter("rv-40e-121-quick")).read_text(encoding="utf-8")
     path = tmp_path / "calibrated.yaml"
     path.write_text(text.replace("output_torque: reaction", "output_torque: calibrated"), encoding="utf-8")
     result = lostmotion("run", str(path), "--virtual-time", "--json", "--unit", "P1", "--serial", "P1").json
     assert result["state"] == "complete"
     assert metric(result, "backlash_width_3pct") == pytest.approx(0.940, abs=0.05)
     assert metric(result, "stiffness_50_100", "load") == pytest.approx(104.70, rel=0.02)
+
+
+def test_the_quick_recipe_passes_its_unit_at_its_own_period(as_shipped_run):
+    ran = as_shipped_run.ran
+    assert (ran.exit_code, ran.json["state"], ran.json["verdict"]) == (0, "complete", "PASS"), ran.json["reasons"]
+    assert ran.json["timing"]["period_ns"] == 1_000_000
 
 
 @pytest.mark.parametrize("name", BENCH_RECIPES)
@@ -73,9 +83,9 @@ def test_recipe_of_each_bench_passes_its_unit_and_recovers_its_figures(shipped_r
         ("cracked", {"spring_constant", "stiffness_50_100"}),
     ],
 )
-def test_a_bad_unit_fails_for_the_right_metric(lostmotion, worn_run, unit, failing):
+def test_a_bad_unit_fails_for_the_right_metric(lostmotion, quarter, worn_run, unit, failing):
     words = ("--virtual-time", "--json", "--unit", unit, "--serial", unit)
-    ran = worn_run.ran if unit == "worn" else lostmotion("run", recipe("rv-40e-121-quick"), *words)
+    ran = worn_run.ran if unit == "worn" else lostmotion("run", quarter("rv-40e-121-quick"), *words)
     assert (ran.exit_code, ran.json["verdict"], ran.json["state"]) == (1, "FAIL", "complete")
     assert {m["id"] for m in ran.json["metrics"] if m["verdict"] == "FAIL"} == failing
     assert all(any(name in reason for reason in ran.json["reasons"]) for name in failing)
@@ -93,7 +103,7 @@ def test_a_loose_lock_ends_in_a_fault_that_names_it(lostmotion):
 
 
 def test_same_seed_same_bytes_another_seed_other_bytes(lostmotion, tmp_path):
-    recipe_file, bench = str(short_recipe(tmp_path)), str(patient_bench(tmp_path))
+    recipe_file, bench = str(short_recipe(tmp_path, AT_4_MS)), str(patient_bench(tmp_path))
     runs = [
         lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", "--unit", unit, "--serial", "S")
         for unit in ("P1:7", "P1:7", "P1:8")
@@ -131,7 +141,7 @@ def test_published_loop_through_analyze_gives_its_check_values(lostmotion, tmp_p
 
 
 def test_stored_run_is_shown_listed_and_analysed_again(lostmotion, tmp_path):
-    recipe_file, bench = str(short_recipe(tmp_path)), str(patient_bench(tmp_path))
+    recipe_file, bench = str(short_recipe(tmp_path, AT_4_MS)), str(patient_bench(tmp_path))
     ran = lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", "--serial", "S1")
     run_id = ran.json["run"]
     assert run_id in lostmotion("list").out.replace("\n", "") or "S1" in lostmotion("list").out
@@ -156,8 +166,9 @@ def test_injected_faults_are_told_wherever_the_run_is_looked_at(lostmotion, tmp_
         "when: {state: ramp_neg, after_scans: 50}, for_ms: 50}\n",
         encoding="utf-8",
     )
-    ran = lostmotion("run", str(short_recipe(tmp_path)), "--bench", str(patient_bench(tmp_path)), "--virtual-time",
-                     "--json", "--serial", "G1", "--operator", "A. Tester", "--scenario", str(scenario))  # fmt: skip
+    recipe_file, bench = str(short_recipe(tmp_path, AT_4_MS)), str(patient_bench(tmp_path))
+    words = ("--serial", "G1", "--operator", "A. Tester", "--scenario", str(scenario))
+    ran = lostmotion("run", recipe_file, "--bench", bench, "--virtual-time", "--json", *words)
     assert (ran.json["scenario"], ran.json["operator"]) == (str(scenario), "A. Tester")
     assert lostmotion("show", "G1", "--json").json["scenario"] == str(scenario)
     assert lostmotion("analyze", str(ran.record), "--json").json["scenario"] == str(scenario)

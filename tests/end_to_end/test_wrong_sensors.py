@@ -19,12 +19,12 @@ WRONG = {
 
 
 @pytest.mark.parametrize("what", WRONG)
-def test_what_no_interlock_sees_is_not_judged(lostmotion, tmp_path: Path, what: str) -> None:
+def test_what_no_interlock_sees_is_not_judged(lostmotion, quarter, tmp_path: Path, what: str) -> None:
     unit, targets, deed, gates = WRONG[what]
     lines = [f"  - {{target: {target}, {deed}, when: {{scan: 5}}}}" for target in targets]
     scenario = tmp_path / "wrong.yaml"
     scenario.write_text("\n".join(["scenario: {name: wrong}", "faults:", *lines, ""]), encoding="utf-8")
     words = ("--virtual-time", "--json", "--unit", unit, "--serial", "W", "--scenario", str(scenario))
-    ran = lostmotion("run", "recipes/rv-40e-121-quick.yaml", *words)
+    ran = lostmotion("run", quarter("rv-40e-121-quick"), *words)
     assert (ran.exit_code, ran.json["state"], ran.json["verdict"]) == (3, "complete", "NOT DECIDABLE")
     assert {gate["id"] for gate in ran.json["gates"] if gate["passed"] is False} == gates

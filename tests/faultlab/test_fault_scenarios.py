@@ -54,7 +54,7 @@ def test_shipped_scenario_holds(path, capsys):
 @pytest.mark.parametrize("seed", [4, 5, 6])
 def test_the_way_back_after_an_emergency_stop_does_not_hang_on_the_noise(seed, capsys):
     """Found by seeds: a rest just below the torque at which the lock may open read low once, then never for long."""
-    path = ROOT / "scenarios" / "estop-and-way-back.yaml"
+    path = ROOT / "scenarios" / "estop-and-recovery.yaml"
     assert command_faults.run(path, command_faults.How(seed=seed), as_json=False) == 0, capsys.readouterr().out
 
 

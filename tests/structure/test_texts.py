@@ -33,15 +33,20 @@ def test_every_row_of_the_vocabulary_is_among_the_texts(found):
     assert literal <= said
 
 
+@pytest.fixture(scope="module")
+def found_again() -> list[Seen]:
+    return texts()
+
+
 @pytest.mark.parametrize("seed", [1, 2])
-def test_a_seed_draws_the_same_fifty(found, seed):
-    assert drawn(seed, found) == drawn(seed, texts())
+def test_a_seed_draws_the_same_fifty(found, found_again, seed):
+    assert drawn(seed, found) == drawn(seed, found_again)
     assert len({one.place for one in drawn(seed, found)}) > DRAWN // 2
 
 
 GONE = re.compile(
     r"\b(desk|lateness|circumstances|durable|gates?|(?:is|are|not|^)\s?in order|anew|way of (?:that|the|its) shaft|"
-    r"stands? (?:\S+ times|where)|as it was (?:left|backed up)|meanwhile)\b",
+    r"stands? (?:\S+ times|where)|as it was (?:left|backed up)|meanwhile|way back)\b",
     re.IGNORECASE,
 )
 """Words that had a term of the field beside them, which is used now, and wording that readers did not follow."""

@@ -34,6 +34,7 @@ READ_BY_MACHINES = ("<", "[Unit]", "default-src", "body{", "(params", "bold ", "
 """Beginnings of what no person reads: drawings, styles, units of systemd and policies."""
 
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
+STATEMENTS = (ast.stmt, ast.excepthandler, ast.match_case)
 
 WHERE_LINES = (
     "station/cli/", "station/reports/", "station/run/", "station/results/", "station/web/", "station/commissioning/",
@@ -58,12 +59,12 @@ def texts() -> list[Seen]:
         if "migrations" not in path.parts  # statements for the database
     }
     constants = {name: dict(_constants(tree)) for name, tree in trees.items()}
-    for name, tree in trees.items():
-        _Filled(_imported(tree, constants) | constants[name]).visit(tree)
-    shared = {key: one for tree in trees.values() for key, one in _refusals(tree).items()}
+    modules = [_Module(name, tree, _imported(tree, constants) | constants[name]) for name, tree in trees.items()]
+    shared = {key: one for module in modules for key, one in module.refusals.items()}
     found: dict[str, Seen] = {}
-    for name, tree in trees.items():
-        for kind, line, text in _in_file(name, tree, shared | _refusals(tree)):
+    for module in modules:
+        name = module.name
+        for kind, line, text in _in_file(module, shared | module.refusals):
             if not text.startswith(READ_BY_MACHINES):
                 found.setdefault(text, Seen(kind, f"{name}:{line}", text))
     return list(found.values())
@@ -105,10 +106,21 @@ class _Filled(ast.NodeTransformer):
         return node if there is None else ast.copy_location(ast.Constant(there.value), node)
 
 
-def _refusals(tree: ast.Module) -> dict[str, list[str]]:
+class _Module:
+    """Syntax of a file, with its sentences in the place of their names; its nodes are listed once for all that look."""
+
+    def __init__(self, name: str, tree: ast.Module, constants: dict[str, ast.Constant]) -> None:
+        self.name, self.tree, self.nodes = name, tree, list(ast.walk(tree))
+        if any(node.id in constants for node in self.nodes if isinstance(node, ast.Name)):
+            _Filled(constants).visit(tree)
+            self.nodes = list(ast.walk(tree))
+        self.refusals = _refusals(self.nodes)
+
+
+def _refusals(nodes: Sequence[ast.AST]) -> dict[str, list[str]]:
     """Return the parameters of each function and class that is told what was found and what is allowed."""
     told: dict[str, list[str]] = {}
-    for node in ast.walk(tree):
+    for node in nodes:
         if not isinstance(node, ast.ClassDef | ast.FunctionDef):
             continue
         inside = node.body if isinstance(node, ast.ClassDef) else [node]
@@ -121,19 +133,19 @@ def _refusals(tree: ast.Module) -> dict[str, list[str]]:
     return told
 
 
-def _in_file(name: str, tree: ast.Module, refusals: dict[str, list[str]]) -> Iterator[tuple[str, int, str]]:
-    for raised, named in _raises(tree, {}):
+def _in_file(module: _Module, refusals: dict[str, list[str]]) -> Iterator[tuple[str, int, str]]:
+    for raised, named in _raises(module.tree, {}):
         yield from _raised(raised, named, refusals)
-    for node in ast.walk(tree):
+    for node in module.nodes:
         if isinstance(node, ast.FunctionDef) and any(_is_command(one) for one in node.decorator_list):
             told = ast.get_docstring(node)
             if told:
                 yield "help", node.lineno, told
         elif isinstance(node, ast.Call):
-            yield from _of_call(name, node)
+            yield from _of_call(module.name, node)
         elif isinstance(node, ast.Return | ast.Yield) and node.value is not None:
             yield from _said("line", node.value, [node.value])
-    for node in tree.body:
+    for node in module.tree.body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             rows = node.value.values if isinstance(node.value, ast.Dict) else [node.value]
             yield from _said("line", node.value, rows)
@@ -142,6 +154,8 @@ def _in_file(name: str, tree: ast.Module, refusals: dict[str, list[str]]) -> Ite
 def _raises(tree: ast.AST, named: dict[str, str]) -> Iterator[tuple[ast.Call, dict[str, str]]]:
     """Yield each call that is raised, with the texts that its function has named by then."""
     for node in ast.iter_child_nodes(tree):
+        if not isinstance(node, STATEMENTS):
+            continue  # an expression raises nothing and names nothing
         if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
             yield node.exc, named
         elif isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name) and (text := _words(node.value)):

@@ -159,7 +159,9 @@ class ModbusServer:
         try:
             self._server = await asyncio.get_running_loop().create_server(partial(Connection, self), host, port)
         except OSError as error:
-            raise OSError(f"{self.device.registers.profile.name}: port {port} on {host} is not available") from error
+            raise OSError(
+                f"{self.device.registers.profile.name}: port {port} on {host} is not available. Choose another port"
+            ) from error
         return int(self._server.sockets[0].getsockname()[1])
 
     def answer(

@@ -91,7 +91,7 @@ class Hands:
         target, verb, *more = words
         if more[-1:] == ["end"]:
             if not self._faults.withdraw(target, verb):
-                raise ValueError(f"{target} {verb} is not active")
+                raise ValueError(f"{target} {verb} is not active, so there is nothing to end")
             self._log(LET_GO, f"{target} {verb}")
             return
         if len(more) > 1:

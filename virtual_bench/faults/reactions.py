@@ -20,7 +20,7 @@ class ReactionRow(NamedTuple):
     the controller's state from that scan on, None where it stays. `contacts`: inputs of the remote I/O, by their names
     in the vocabulary of faults, that bring it about when they open. `what`: what happens, in words.
 
-    The lock's contact, the output of the brake supply, is kept by every reaction: it opens on the way back only.
+    The lock's contact, the output of the brake supply, is kept by every reaction: it opens during the recovery only.
     """
 
     orders: tuple[DriveCommand, ...]

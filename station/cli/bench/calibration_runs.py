@@ -56,7 +56,7 @@ def measured_ratio(record: RunRecord) -> MeasuredRatio:
     """
     altered = alterations(record, samples=False)
     if altered:
-        raise StationError(f"{record.id}: record altered: {altered[0]}; the run was not used")
+        raise StationError(f"{record.id}: record altered: {altered[0]}; the run was not used. Choose another run")
     if not (record.folder / CALIBRATION).is_file():
         raise StationError(
             f"{record.id}: the run measured no torque ratio; expected a complete run of a recipe with a step calibrate"
@@ -92,7 +92,9 @@ def _refuse_unreliable(record: RunRecord) -> None:
     """Refuse lines that nobody may rely on, or that may be those of a defect; warn of a unit that did not pass."""
     result = record.read(Result, RESULT)
     if result.scenario:
-        raise StationError(f"{record.id}: faults were injected ({result.scenario}); the run was not used")
+        raise StationError(
+            f"{record.id}: faults were injected ({result.scenario}); the run was not used. Choose another run"
+        )
     if said := objection(result):
         raise StationError(f"{record.id}: {said}; the run was not used. Measure again")
     if result.verdict == Verdict.FAIL:

@@ -44,10 +44,10 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
     if out is not None:
         refuse_records(out / "profile.yaml")
     if not place.exists():
-        raise StationError(f"{place}: there is no such file or folder")
+        raise StationError(f"{place}: there is no such file or folder. Check the path")
     files = eds_files(place)
     if not files:
-        raise StationError(f"{place}: this folder has no file that ends with {' or '.join(ENDINGS)}")
+        raise StationError(f"{place}: found no file that ends with {' or '.join(ENDINGS)}. Choose another folder")
     drafts, unreadable = _drafts(files, place)
     _write(drafts, out)
     if as_json:
@@ -89,7 +89,9 @@ def _write(drafts: list[Draft], out: Path | None) -> None:
         if other != one.source:
             raise StationError(f"{path}: {other} and {one.source} would both be written there. Rename one of them")
         if path.exists():
-            raise StationError(f"{path}: this file is there already, and is not overwritten")
+            raise StationError(
+                f"{path}: this file exists and is not overwritten. Move it, or choose another folder with --out"
+            )
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -183,8 +183,8 @@ def _refuse_unreached(wanted: Sequence[float], found: Lines) -> None:
     for torque_nm in wanted:
         if not any(_reaches(fit, torque_nm) for fit in found.fits.values()):
             raise StationError(
-                f"--target: found {show(torque_nm, TORQUE)}; allowed is an output torque of the sign that the points "
-                f"of {found.source} have, on a line whose slope is not zero"
+                f"--target: found {show(torque_nm, TORQUE)}; allowed is a torque of the same sign as the measured "
+                f"points of {found.source}"
             )
 
 

@@ -168,7 +168,7 @@ def _run(bench: OnWires, recipe: str, plan: Plan, data: Path, by: str | None, *,
 
 
 def _left(bench: OnWires, data: Path, runs: list[Tried]) -> list[Block]:
-    """Say how a run that ended in a fault has left the bench, and the way back."""
+    """Say how a run that ended in a fault has left the bench, and the recovery."""
     if all(tried.complete for tried in runs):
         return []
     way_back = f"lostmotion recover --bench {bench.path} --data {data / FOLDER}"

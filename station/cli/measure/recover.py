@@ -1,4 +1,4 @@
-"""`lostmotion recover`: the way back after a fault, also after everything was restarted with the unit still wound up.
+"""`lostmotion recover`: the recovery after a fault, also after everything was restarted with the unit still wound up.
 
 How the last run left the bench is read from its record: its fault goes on, and so do the zeroes of its torque sensors.
 The scan of a recovery runs the same controller, which waits in that fault until a person has acknowledged it and asked
@@ -68,7 +68,7 @@ class Recovery:
 def recover(
     bench: str | None, data: Path, *, yes: bool, as_json: bool, by_signal: bool = False, operator: str | None = None
 ) -> int:
-    """Lead a person through the way back; 0 when the unit is unloaded and the lock open, else 4.
+    """Lead a person through the recovery; 0 when the unit is unloaded and the lock open, else 4.
 
     yes: nobody is asked. by_signal: whoever is asked answers by `ACKNOWLEDGED_BY`. operator: who recovers the bench.
 
@@ -146,7 +146,7 @@ def recover(
 
 
 def _conclude_if_deserted(run: RunRecord) -> None:
-    """Conclude the run that the way back begins at; where that cannot be done now, its samples have to do."""
+    """Conclude the run that the recovery begins at; where that cannot be done now, its samples have to do."""
     if run.scanning():
         raise StationError(
             f"{run.id}: still running (pid {run.scanning()}). Take it over: 'lostmotion resume {run.id}'"

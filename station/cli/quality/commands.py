@@ -363,7 +363,7 @@ def validation(
         typer.Option("--gage", metavar="ID", help="Metric of a gage study of the stored runs; repeatable."),
     ] = None,
     by: Annotated[
-        str, typer.Option("--by", metavar="WHAT", help="What stands for the operator there: day, bench or operator.")
+        str, typer.Option("--by", metavar="WHAT", help="Field that identifies the operator: day, bench or operator.")
     ] = "operator",
     evidence: Annotated[
         list[Path] | None,
@@ -375,7 +375,7 @@ def validation(
     virtual: VirtualOption = False,
     check: Annotated[
         Path | None,
-        typer.Option("--check", metavar="DIR", help="Make nothing: check that a pack is as it was made."),
+        typer.Option("--check", metavar="DIR", help="Check that an existing pack is unchanged, instead of making one."),
     ] = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,

@@ -192,7 +192,7 @@ def print_chart(data: Path, lot: Lot, asked: ChartAsked, *, as_json: bool) -> in
 def _false_alarms(hourly: float, units_per_hour: float) -> str:
     """Return what the rules cost: a line has several metrics, and the false alarms of their charts add up."""
     each = f"one chart: a false alarm every {1.0 / hourly:.3g} h at {units_per_hour:g} units an hour"
-    return f"{each}; {SEVERAL} charts together: every {1.0 / (SEVERAL * hourly):.2g} h"
+    return f"{each}; {SEVERAL} charts: a false alarm every {1.0 / (SEVERAL * hourly):.2g} h"
 
 
 def run_length_text(one: RunLength) -> str:

@@ -45,6 +45,7 @@ DEFAULT_CAPACITY = 60_000
 MAILBOX_SLOTS = 16
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - the kernel's shared memory, not a temporary folder
 FILE_PREFIX = "lostmotion-ring-"
+CHECK_RUN = "Check that its run is still in progress; if it is not, start the run again"
 
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
@@ -137,10 +138,13 @@ class MappedRing:
                 flags = mmap.MAP_SHARED | getattr(mmap, "MAP_POPULATE", 0)
                 self._memory = mmap.mmap(file.fileno(), 0, flags=flags)
         except (OSError, ValueError) as error:
-            raise RingError(f"{path}: the record buffer cannot be opened: {error}") from error
+            raise RingError(f"{path}: the record buffer of the run cannot be opened: {error}. {CHECK_RUN}") from error
         if len(self._memory) < HEADER_BYTES:
             self._memory.close()
-            raise RingError(f"{path}: is not the record buffer of a run: it has {path.stat().st_size} bytes")
+            raise RingError(
+                f"{path}: is not the record buffer of a run: found {path.stat().st_size} bytes; allowed: "
+                f"{HEADER_BYTES} or more. {CHECK_RUN}"
+            )
         self._bytes = memoryview(self._memory)
         self._words = self._bytes[:HEADER_BYTES].cast("Q")
         words = self._words

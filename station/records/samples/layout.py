@@ -197,7 +197,7 @@ def _disorder(channels: tuple[Channel, ...], size: int) -> str:
             return f"{one.group}.{one.name} overlaps the channel before it: offset {one.offset}, at least {at} needed"
         at = one.end
     if at != size:
-        return f"record_bytes: found {size}; the channels end at {at}"
+        return f"record_bytes: found {size}; allowed: {at}, where the channels end"
     names = [(one.group, one.name) for one in channels]
     if len(set(names)) != len(names):
         return f"the channel {next('.'.join(name) for name in names if names.count(name) > 1)} is listed twice"

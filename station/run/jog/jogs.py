@@ -100,13 +100,13 @@ def program_of(jog: RunRecord) -> Program:
 def why_no_jog(data: Path, job: Job) -> str:
     """Return why no jog may begin now, with what to do; '' where one may."""
     if jog_is_on(data):
-        return "A jog is on already. End it first."
+        return "A jog is in progress. End it first."
     run = next(reversed(Store(data).newest(1)), None)
     if run is not None and _is_on(run):
         return "A run is in progress. Wait for its end."
     recovery = next(reversed(recoveries(data).newest(1)), None)
     if recovery is not None and _is_on(recovery):
-        return "The way back from a fault is under way. Wait for its end."
+        return "The recovery after a fault is in progress. Wait for its end."
     if job.bench.bench.embedded:
         return ""  # its virtual bench ended with the run before
     if run is not None and run.state() in NEEDS_WAY_BACK and not was_recovered(data, run):

@@ -1,4 +1,4 @@
-"""Leads a person through the way back from a fault: what the bench shows, what to check, and then step by step.
+"""Leads a person through the recovery from a fault: what the bench shows, what to check, and then step by step.
 
 Called at every look of the supervisor, so it never waits: a question stands until it is answered, and the supervisor
 goes on.
@@ -27,7 +27,7 @@ ANSWER_WITHIN_S = 3.0
 
 
 class Step(Enum):
-    """Where the way back stands."""
+    """Where the recovery stands."""
 
     WAITING = auto()
     ASKING = auto()
@@ -36,7 +36,7 @@ class Step(Enum):
 
 
 class Guide:
-    """One way back. `answer` returns what a person said, None while nothing has come; `asks` is called before that."""
+    """One recovery. `answer` returns what a person said, None while nothing has come; `asks` is called before that."""
 
     def __init__(
         self,

@@ -131,7 +131,7 @@ class Production:
         other = self.of(select(func.count()).select_from(RUNS), lot._replace(virtual=not lot.virtual), attempts=None)
         count = self.connection.execute(other).scalar_one()
         kinds = ("virtual", "real") if lot.virtual else ("real", "virtual")
-        hint = "" if not count else (
+        hint = " Choose another lot" if not count else (
             f" Of {kinds[1]} units there are {count}: "
             + ("leave out --virtual" if lot.virtual else "choose them with --virtual")
         )  # fmt: skip

@@ -62,7 +62,10 @@ def newest_run(production: Production, lot: Lot) -> str:
     production.refuse_empty(lot)
     run = production.connection.execute(select(production.chosen(lot, RUNS.c.valid, newest=1).c.run)).scalar()
     if run is None:
-        raise StationError(f"{production.chain.data}: no first attempt of this lot came to its end with a valid result")
+        raise StationError(
+            f"{production.chain.data}: no run of this lot is a first attempt with a valid result. Choose "
+            "another lot, or measure first"
+        )
     return str(run)
 
 

@@ -1,4 +1,4 @@
-"""Actions about the bench: the way back after a fault, and start conditions that are set aside."""
+"""Actions about the bench: the recovery after a fault, and start conditions that are set aside."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from station.web.actions.values import (
 
 
 def begin_recovery(call: Call, _given: Nothing) -> RecoveryBegun:
-    """Begin the way back after a fault; NotNowError: one is on, or there is no fault."""
+    """Begin the recovery after a fault; NotNowError: one is on, or there is no fault."""
     way_back, standing = call.station.bench.way_back, call.station.bench.standing()
     if standing.recovery or way_back.starting():
         raise NotNowError([("recovery_on", "The recovery is already in progress.")])
@@ -29,7 +29,7 @@ def begin_recovery(call: Call, _given: Nothing) -> RecoveryBegun:
 
 
 def acknowledge_fault(call: Call, given: Recovery) -> RecoveryTold:
-    """Let the way back go on: torque to zero, lock open; NotNowError: nothing waits for it."""
+    """Let the recovery go on: torque to zero, lock open; NotNowError: nothing waits for it."""
     seen = call.station.bench.look()
     if seen.sight is None or not (seen.live and seen.recovery and seen.sight.settled):
         raise NotNowError([("not_asked", "Nothing waits to be acknowledged now. See the steps.")])
@@ -37,7 +37,7 @@ def acknowledge_fault(call: Call, given: Recovery) -> RecoveryTold:
 
 
 def leave_recovery(call: Call, given: Recovery) -> RecoveryTold:
-    """End the way back; NotNowError: that one is not on."""
+    """End the recovery; NotNowError: that one is not on."""
     return _tell_recovery(call, given, go_on=False)
 
 

@@ -44,7 +44,7 @@ def bench(call: Call, _given: Values) -> Plain:
 
 
 def recovery(call: Call, _given: Values) -> Plain:
-    """Whether the way back is on, and which recovery was the last."""
+    """Whether the recovery is on, and which recovery was the last."""
     way_back = call.station.bench.way_back
     now = way_back.now()
     return {"stage": "starting" if way_back.starting() and now.stage != "running" else now.stage, "recovery": now.run}

@@ -1,1 +1,1 @@
-"""What a technician sees of a bench: inputs, outputs, interlocks, alarms, the way back, and what has changed."""
+"""What a technician sees of a bench: inputs, outputs, interlocks, alarms, the recovery, and what has changed."""

@@ -1,4 +1,4 @@
-"""What the bench shows now: live while a run or the way back is on, otherwise as the newest record left it."""
+"""What the bench shows now: live while a run or the recovery is on, otherwise as the newest record left it."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Seen:
 
 
 class BenchWatch:
-    """The bench of one data folder, and the way back from a fault of it."""
+    """The bench of one data folder, and the recovery from a fault of it."""
 
     def __init__(self, data: Path, running: Running, evaluations: Evaluations, jogging: Jogging) -> None:
         self.way_back = WayBack(data)
@@ -58,7 +58,7 @@ class BenchWatch:
             return self._left()
 
     def standing(self) -> Standing:
-        """Return how the way back stands."""
+        """Return how the recovery stands."""
         return self.way_back.standing()
 
     def _left(self) -> Seen:

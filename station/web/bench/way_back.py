@@ -1,4 +1,4 @@
-"""The way back after a fault: `lostmotion recover` in a process of its own, and its steps as a person follows them.
+"""The recovery after a fault: `lostmotion recover` in a process of its own, and its steps as a person follows them.
 
 The process neither knows nor needs the server. It waits, with the drive off and the lock as it was, until a person says
 that all is checked; that is a signal, so a server that was just started can give it as well as the one that began.
@@ -51,7 +51,7 @@ class StepRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Fault:
-    """What the way back begins at: a run that left the bench in a fault, how it ended, and how it left the bench."""
+    """What the recovery begins at: a run that left the bench in a fault, how it ended, and how it left the bench."""
 
     run: str
     bench: str
@@ -62,7 +62,7 @@ class Fault:
 
 @dataclass(frozen=True)
 class Standing:
-    """How the way back stands. fault: None where there is nothing to recover; why_none says so then.
+    """How the recovery stands. fault: None where there is nothing to recover; why_none says so then.
 
     recovery: its record while one is on, '' otherwise. released: the last one has ended as it should. said: the last
     words of a process that has ended otherwise.
@@ -76,7 +76,7 @@ class Standing:
 
 
 class WayBack:
-    """The way back of the bench of one data folder."""
+    """The recovery of the bench of one data folder."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
@@ -116,7 +116,7 @@ class WayBack:
         return True
 
     def standing(self) -> Standing:
-        """Return how the way back stands now."""
+        """Return how the recovery stands now."""
         now = self.now()
         newest = next(reversed(Store(self._data).newest(1)), None)
         if newest is None:

@@ -1,4 +1,4 @@
-"""The page of maintenance: what the bench shows now, what stands in the way, and the way back after a fault."""
+"""The page of maintenance: what the bench shows now, what stands in the way, and the recovery after a fault."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ BUTTONS = {
     ACKNOWLEDGE: "All is checked: acknowledge",
     LEAVE: "Leave the bench as it is",
 }
-"""The actions of the way back, as the page offers them."""
+"""The actions of the recovery, as the page offers them."""
 
 NOBODY_SAW = "Nobody saw what the bench did after that: treat the unit as wound up."
 
@@ -78,7 +78,7 @@ class _Maintenance:
         with ui.element("main").classes("lm-maintenance"):
             with ui.element("div").classes("lm-column").props('tabindex="0"'):
                 self._head = self._part("lm-stack", 'role="status"')
-                self._title("Way back after a fault")
+                self._title("Recovery after a fault")
                 with ui.element("section").classes("lm-card"):
                     self._why = ui.label()
                     self._steps = self._part()

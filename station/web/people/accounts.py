@@ -38,6 +38,7 @@ SESSION_S = 12 * 3600.0
 """A shift, with some time before and after it."""
 
 WRONG = "name or password is wrong"
+CHECK_NAME = "Check its spelling, or add the account first"
 AT_ONCE, LONGEST_WAIT_S = 2, 3.0
 """How many passwords are checked at once, and how long others wait for that."""
 
@@ -133,14 +134,14 @@ def reset_person(connection: Connection, name: str, password: str) -> None:
     fresh = {"must_change": True, "failed": 0, "locked_until_s": None, "disabled": False}
     changed = update(PEOPLE).where(PEOPLE.c.name == name).values(password=_HASHER.hash(password), **fresh)
     if not connection.execute(changed).rowcount:
-        raise AccountError(f"name: there is no account {name[:40]!r}")
+        raise AccountError(f"name: there is no account {name[:40]!r}. {CHECK_NAME}")
     connection.execute(delete(SESSIONS).where(SESSIONS.c.name == name))
 
 
 def disable_person(connection: Connection, name: str) -> None:
     """Close an account and its sessions; AccountError where there is none."""
     if not connection.execute(update(PEOPLE).where(PEOPLE.c.name == name).values(disabled=True)).rowcount:
-        raise AccountError(f"name: there is no account {name[:40]!r}")
+        raise AccountError(f"name: there is no account {name[:40]!r}. {CHECK_NAME}")
     connection.execute(delete(SESSIONS).where(SESSIONS.c.name == name))
 
 
@@ -153,7 +154,7 @@ def change_password(connection: Connection, name: str, old: str, new: str) -> No
     if (locked := locked_out(row)) is not None:
         raise locked
     if not fits(row.password, old):
-        raise EntryRefusedError("the old password is wrong")
+        raise EntryRefusedError("old_password: is wrong. Enter the password that you have now")
     connection.execute(
         update(PEOPLE).where(PEOPLE.c.name == name).values(password=_HASHER.hash(new), must_change=False)
     )

@@ -14,6 +14,7 @@ from argon2.low_level import Type, hash_secret_raw
 from sqlalchemy import Connection, delete, insert, select, update
 
 from station.web.people.accounts import (
+    CHECK_NAME,
     CHECKS,
     LONGEST_PASSWORD,
     LONGEST_WAIT_S,
@@ -55,7 +56,7 @@ def assign_badge(connection: Connection, name: str, badge: str, pin: str) -> Non
     number = check_badge(badge)
     check_pin(pin)
     if connection.execute(select(PEOPLE.c.name).where(PEOPLE.c.name == name)).first() is None:
-        raise AccountError(f"name: there is no account {name[:40]!r}")
+        raise AccountError(f"name: there is no account {name[:40]!r}. {CHECK_NAME}")
     digest = _digest(connection, number)
     owner = connection.execute(select(BADGES.c.name).where(BADGES.c.digest == digest)).scalar()
     if owner not in (None, name):
@@ -67,7 +68,7 @@ def assign_badge(connection: Connection, name: str, badge: str, pin: str) -> Non
 def withdraw_badge(connection: Connection, name: str) -> None:
     """Take a person's badge away; AccountError where there is none."""
     if not connection.execute(delete(BADGES).where(BADGES.c.name == name)).rowcount:
-        raise AccountError(f"name: {name[:40]!r} has no badge")
+        raise AccountError(f"name: {name[:40]!r} has no badge to withdraw. Check the name")
 
 
 def change_pin(connection: Connection, name: str, password: str, pin: str) -> None:
@@ -77,7 +78,7 @@ def change_pin(connection: Connection, name: str, password: str, pin: str) -> No
     if (locked := locked_out(row)) is not None:
         raise locked
     if not fits(row.password, password):
-        raise EntryRefusedError("the password is wrong")
+        raise EntryRefusedError("password: is wrong. Enter the password of your account")
     if not connection.execute(update(BADGES).where(BADGES.c.name == name).values(pin=hashed(pin))).rowcount:
         raise AccountError("pin: you have no badge. An admin assigns one with assign_badge")
 
@@ -136,7 +137,9 @@ def check_badge(badge: str) -> str:
 def check_pin(pin: str) -> None:
     """Refuse a PIN that is too short, no digits, or among the first that anybody would guess. Raises AccountError."""
     if not (LEAST_PIN <= len(pin) <= LONGEST_PIN and pin.isascii() and pin.isdecimal()):
-        raise AccountError(f"pin: allowed are {LEAST_PIN} to {LONGEST_PIN} digits")
+        raise AccountError(
+            f"pin: has {len(pin)} characters; allowed are {LEAST_PIN} to {LONGEST_PIN} digits. Choose another PIN"
+        )
     if pin in EASY or len(set(pin)) == 1:
         raise AccountError("pin: is easy to guess. Choose another PIN")
 

@@ -99,7 +99,7 @@ def encoded(text: str) -> bytes:
     """
     content = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").encode()
     if len(content) > LARGEST_FILE:
-        raise BadRecipeError(f"The text has {len(content)} bytes; a recipe has {LARGEST_FILE} at most.")
+        raise BadRecipeError(f"The text has {len(content)} bytes; a recipe has at most {LARGEST_FILE}. Shorten it.")
     return content
 
 

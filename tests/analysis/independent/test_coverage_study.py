@@ -8,8 +8,9 @@ from scipy import stats
 
 from analysis.loop.method import Method, MetricWanted
 from analysis.uncertainty.figures import AngleFigures, SensorFigures, TorqueFigures
-from benchmarks.simulated import loop_generator
+from benchmarks.simulated import truth as of_units
 from benchmarks.simulated.coverage import CoverageRow, coverage, simulated_pairs
+from benchmarks.simulated.kinds import KINDS
 from benchmarks.simulated.simulated_run import SimulatedBench
 from definitions.metrics import FIT_POINTS, LSQ_POINTS
 from recipes import load_bench
@@ -93,9 +94,9 @@ def test_uncertainty_is_as_small_as_it_has_to_be(rows: list[CoverageRow]) -> Non
 
 
 def test_the_truth_of_a_fit_counts_as_many_torques_as_its_definition() -> None:
-    assert (loop_generator.FIT_POINTS, loop_generator.LSQ_POINTS) == (FIT_POINTS, LSQ_POINTS)
-    unit = loop_generator.KINDS["RV-40E"]
+    assert (of_units.FIT_POINTS, of_units.LSQ_POINTS) == (FIT_POINTS, LSQ_POINTS)
+    unit = KINDS["RV-40E"]
     peak = 1.1 * unit.rated_nm
     torque = np.linspace(0.2, 0.8, LSQ_POINTS) * unit.rated_nm
     slope = np.polyfit(torque, unit.angle(torque, 1, peak), 1)[0]
-    assert loop_generator.truth(unit, "stiffness_lsq", 1, peak) == pytest.approx(1.0 / slope, rel=1e-9)
+    assert of_units.truth(unit, "stiffness_lsq", 1, peak) == pytest.approx(1.0 / slope, rel=1e-9)

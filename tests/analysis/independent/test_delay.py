@@ -13,21 +13,19 @@ from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import SegmentInfo, Trace
+from benchmarks.simulated.kinds import KINDS, Kind
 from benchmarks.simulated.loop_generator import (
-    KINDS,
     SOUND,
     Bench,
     Defect,
-    Kind,
     course_of,
     figures_of,
     measured,
     method_of,
-    truth,
-    with_backlash,
     without_dwells,
     without_segments,
 )
+from benchmarks.simulated.truth import truth, with_backlash
 
 RV40 = KINDS["RV-40E"]
 BENCH = Bench()

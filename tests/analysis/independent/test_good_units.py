@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 
 from benchmarks.good_units import PASSED, Case, study, table
-from benchmarks.simulated.loop_generator import KINDS
+from benchmarks.simulated.kinds import KINDS
 
 ALONE = Case(segments=False, dwells=False, calibration=False, torque_in=False)
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.simulated.coverage import CoverageRow
-from benchmarks.simulated.loop_generator import KINDS
+from benchmarks.simulated.kinds import KINDS
 from benchmarks.simulated.types_of_units import rows_by_type
 
 METRICS = (

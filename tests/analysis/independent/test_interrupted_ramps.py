@@ -9,17 +9,9 @@ import numpy as np
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
-from benchmarks.simulated.loop_generator import (
-    KINDS,
-    Bench,
-    Hold,
-    Kind,
-    course_of,
-    figures_of,
-    measured,
-    method_of,
-    truth,
-)
+from benchmarks.simulated.kinds import KINDS, Kind
+from benchmarks.simulated.loop_generator import Bench, Hold, course_of, figures_of, measured, method_of
+from benchmarks.simulated.truth import truth
 
 RV40 = KINDS["RV-40E"]
 WANTED = (

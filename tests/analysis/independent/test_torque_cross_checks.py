@@ -11,18 +11,9 @@ from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import Trace
-from benchmarks.simulated.loop_generator import (
-    KINDS,
-    SOUND,
-    Bench,
-    Defect,
-    Kind,
-    course_of,
-    figures_of,
-    measured,
-    method_of,
-    truth,
-)
+from benchmarks.simulated.kinds import KINDS, Kind
+from benchmarks.simulated.loop_generator import SOUND, Bench, Defect, course_of, figures_of, measured, method_of
+from benchmarks.simulated.truth import truth
 
 RV40 = KINDS["RV-40E"]
 SOFT = replace(RV40, spring_nm_per_arcmin=0.945 * RV40.spring_nm_per_arcmin)

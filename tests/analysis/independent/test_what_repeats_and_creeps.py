@@ -11,17 +11,9 @@ from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import Trace
-from benchmarks.simulated.loop_generator import (
-    ARCMIN_RAD,
-    KINDS,
-    Bench,
-    Defect,
-    course_of,
-    figures_of,
-    measured,
-    method_of,
-    with_backlash,
-)
+from benchmarks.simulated.kinds import KINDS
+from benchmarks.simulated.loop_generator import ARCMIN_RAD, Bench, Defect, course_of, figures_of, measured, method_of
+from benchmarks.simulated.truth import with_backlash
 
 RV40 = KINDS["RV-40E"]
 BACKLASH = [MetricWanted("backlash_width_3pct", max=1.0)]

@@ -9,7 +9,7 @@ import pytest
 from analysis.evaluation.verdict import Verdict
 from benchmarks import wrong_pass
 from benchmarks.page import put
-from benchmarks.simulated.loop_generator import truth
+from benchmarks.simulated.truth import truth
 from benchmarks.wrong_pass import (
     BUDGET,
     CASES,

@@ -40,7 +40,7 @@ def test_exact_interval_of_a_share(count: int, of: int, low: float, high: float)
 
 def test_a_share_of_nothing_says_nothing() -> None:
     assert proportion(0, 0) == (0, 0, None, 0.0, 1.0)
-    with pytest.raises(AnalysisError, match="3 of 2"):
+    with pytest.raises(AnalysisError, match="3 out of 2"):
         proportion(3, 2)
 
 

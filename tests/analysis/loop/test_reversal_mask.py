@@ -13,7 +13,9 @@ from analysis.loop.branches import Branch
 from analysis.loop.loop import Loop
 from analysis.loop.method import Method, MetricWanted
 from analysis.trace.units import FloatArray
-from benchmarks.simulated.loop_generator import KINDS, Bench, course_of, figures_of, measured, method_of, truth
+from benchmarks.simulated.kinds import KINDS
+from benchmarks.simulated.loop_generator import Bench, course_of, figures_of, measured, method_of
+from benchmarks.simulated.truth import truth
 
 PEAK_NM, STIFFNESS = 453.2, 100.0
 METHOD = Method(121.0, 412.0)

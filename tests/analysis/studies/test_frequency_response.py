@@ -25,7 +25,10 @@ def response_to_chirp(damping: float, periods: int, period_s: float) -> tuple[np
     fine = np.arange(periods * count * 8) / (8 * RATE_HZ)
     torque = 20.0 * signal.chirp(np.mod(fine, period_s), 5.0, period_s, 120.0)
     omega = 2 * math.pi * NATURAL_HZ
-    _, angle, _ = signal.lsim(([omega**2 / STIFFNESS], [1.0, 2 * damping * omega, omega**2]), torque, fine)
+    rotor = ([omega**2 / STIFFNESS], [1.0, 2 * damping * omega, omega**2])
+    # as `lsim`, which takes the same steps in Python, but for the one before the first sample
+    (numerator,), denominator, _ = signal.cont2discrete(rotor, 1.0 / (8 * RATE_HZ), method="foh")
+    angle = signal.lfilter(numerator, denominator, torque)
     return fine[::8], torque[::8], angle[::8]
 
 

@@ -114,7 +114,7 @@ def test_a_control_word_that_is_read_every_5_ms_is_waited_for(tmp_path: Path) ->
 
 
 def test_the_controller_waits_for_a_drive_that_reads_its_control_word_every_5_ms(tmp_path: Path) -> None:
-    """The way back from a fault, by the whole controller: an edge of one scan is one that this drive misses."""
+    """The recovery from a fault, by the whole controller: an edge of one scan is one that this drive misses."""
     run = mid_ramp()
     with on_the_bus(tmp_path, "epos4-like", Personality(control_word_every_s=0.005)) as (slave, link, config):
         set_up_drive(link, config, PERIOD_NS)

@@ -161,7 +161,7 @@ class Folder:
         return plain(self.run(*words))
 
     def of_the_folder(self, damaged: str | None) -> dict[str, Any]:
-        """Return what is said of the folder as a whole: the statistics, and the way back, which concludes its run."""
+        """Return what is said of the folder as a whole: the statistics, and the recovery, which concludes its run."""
         found = {name: plain(self.run(*words, "--data", str(self.data), "--json")) for name, words in FOLDER.items()}
         found["recover"] = plain(self.run("recover", "--data", str(self.data), "--yes"))
         if damaged != self.way_back:

@@ -1,7 +1,7 @@
 """Damages one run of a folder of twenty, often. `python tests/proofs/drills/damage_drill.py [COUNT] [SEED]`.
 
 After each damage the other nineteen must be listed, shown, evaluated, replayed, exported, reported and resumed as
-before, and the way back (`recover`) must be open; no command may end with exit code 70.
+before, and the recovery (`recover`) must be open; no command may end with exit code 70.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 `python tests/proofs/drills/seeds.py [COUNT] [FIRST]` makes them (`make seeds SEEDS=1000`). A seed draws the unit, the
 noise of its sensors, and what happens: nothing, a stop, a quick stop, or a fault at a random moment, in half of those
-with the way back. The two processes have nothing in common but the seed: not the order of their hashes, not the memory.
+with the recovery. The two processes have nothing in common but the seed: not the order of their hashes, not the memory.
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ def draw(seed: int) -> tuple[str, str, Scenario]:
         at = dice.randrange(1, LATEST_SCANS)
         way_back = (("acknowledge", at), ("reset", at + dice.randrange(1, 200)))
         operator += tuple(Operator(command=c, when=When(state="fault", after_scans=n)) for c, n in way_back)
-        words += ", way back from a fault"
+        words += ", recovery after a fault"
     return unit, words, Scenario(scenario=Header(name=f"seed {seed}"), faults=faults, operator=operator)
 
 

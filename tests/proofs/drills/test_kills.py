@@ -20,9 +20,15 @@ from station.reports.headline import headline
 pytestmark = pytest.mark.wires
 
 
+@pytest.fixture(scope="module", autouse=True)
+def _loaded():
+    """What the commands load, once for all that are forked: half of what they take is that."""
+    load()
+
+
 @pytest.mark.parametrize("after_s", [0.003, 0.8, 7.31])
 def test_a_killed_scan_process_loses_no_written_record(after_s, tmp_path):
-    left = kill("scan", after_s, tmp_path)
+    left = kill("scan", after_s, tmp_path, start=warm)
     assert left.problems() == []
     assert left.state == "interrupted"
 
@@ -56,7 +62,7 @@ def test_a_run_whose_supervisor_was_killed_and_whose_folder_was_moved_says_who_s
 
 
 def test_a_new_supervisor_takes_over_a_run_that_goes_on(tmp_path):
-    load()  # the scan waits 2 s for a new supervisor: a command that starts cold takes half of that to load itself
+    # the scan waits 2 s for a new supervisor: a command that starts cold takes half of that to load itself
     left = kill("desk", 1.9, tmp_path, resume=True, start=warm)
     assert left.problems() == []
     assert left.state == "complete"
@@ -70,7 +76,7 @@ def test_a_new_supervisor_takes_over_a_run_that_goes_on(tmp_path):
 
 
 def test_a_scan_that_nobody_can_start_any_more_ends(tmp_path):
-    left = kill("desk", 0.0, tmp_path, since="opening")
+    left = kill("desk", 0.0, tmp_path, since="opening", start=warm)
     assert left.problems() == []
     # Stopped where the scan could still say so, before anything was enabled.
     assert left.state in ("interrupted", "stopped")

@@ -22,7 +22,7 @@ WALKS: dict[str, dict[str, bool]] = {
     "input loading, ramps by speed": {"by_speed": True},
     "input loading, ramps by torque": {},
     "output loading, ramps by torque": {"loading_input": False},
-    "the way back from a bench left wound up": {"left": True},
+    "the recovery of a bench left wound up": {"left": True},
     "a jog": {"jog": True},
 }
 """The largest first, so that two processes end together."""

@@ -29,7 +29,10 @@ from definitions.program import Program
 
 
 class Mutant(NamedTuple):
-    """One change: what is replaced (object, attribute) and by what."""
+    """One change: what is replaced (object, attribute) and by what.
+
+    `fault`: of the row that is changed; its conditions are what notices it first.
+    """
 
     name: str
     thing: Any
@@ -37,6 +40,7 @@ class Mutant(NamedTuple):
     value: Any
     on_the_way_back: bool = False
     of_a_jog: bool = False
+    fault: str = ""
 
     @contextmanager
     def applied(self) -> Iterator[None]:
@@ -57,7 +61,7 @@ def trip_rows() -> list[Mutant]:
 def interlock_rows() -> list[Mutant]:
     """Each interlock missing, and each with a weaker reaction."""
     missing = [
-        Mutant(f"no {row.fault}", interlocks, "INTERLOCKS", tuple(r for r in INTERLOCKS if r != row))
+        Mutant(f"no {row.fault}", interlocks, "INTERLOCKS", tuple(r for r in INTERLOCKS if r != row), fault=row.fault)
         for row in INTERLOCKS
     ]
     weaker = [
@@ -66,6 +70,7 @@ def interlock_rows() -> list[Mutant]:
             interlocks,
             "FAULT_BY_ID",
             {**FAULT_BY_ID, row.fault: fault._replace(reaction=Reaction(fault.reaction - 1))},
+            fault=row.fault,
         )
         for row in INTERLOCKS
         for fault in [FAULT_BY_ID[row.fault]]
@@ -78,7 +83,7 @@ def debounce_rows() -> list[Mutant]:
     return [
         Mutant(
             f"{row.fault} slow", interlocks, "FAULT_BY_ID",
-            {**FAULT_BY_ID, row.fault: fault._replace(debounce_scans=fault.debounce_scans + 3)},
+            {**FAULT_BY_ID, row.fault: fault._replace(debounce_scans=fault.debounce_scans + 3)}, fault=row.fault,
         )
         for row in INTERLOCKS
         for fault in [FAULT_BY_ID[row.fault]]
@@ -127,7 +132,8 @@ def live_states() -> list[Mutant]:
             blind = row._replace(live_in=row.live_in - {state})
             rows = tuple(blind if r == row else r for r in INTERLOCKS)
             name = f"{row.fault} blind in {state.name}"
-            found.append(Mutant(name, interlocks, "INTERLOCKS", rows, of_a_jog=state == State.JOG))
+            of_a_jog = state == State.JOG
+            found.append(Mutant(name, interlocks, "INTERLOCKS", rows, of_a_jog=of_a_jog, fault=row.fault))
     return found
 
 
@@ -225,7 +231,7 @@ def way_back() -> list[Mutant]:
         ("held lock without its current", HeldLock, "scan", _with_image(brake_on=1, brake_current_a=LOCK_A)),
         ("held lock with late samples", HeldLock, "scan", _with_image(sample_age_scans=1)),
         ("held lock without end", HeldLock, "PATIENCE", 10**9),
-        ("way back on a lock that is not proven", Context, "lock_proven", _always(value=True)),
+        ("recovery on a lock that is not proven", Context, "lock_proven", _always(value=True)),
         ("lock that is found closed not kept", Context, "keep_lock", _method(lambda *_: None)),
         ("lock never taken for found", Context, "lock_found", _always(value=False)),
         ("lock taken for found for ever", Context, "lock_found", _always(value=True)),
@@ -277,7 +283,7 @@ ALL: dict[str, Callable[[], list[Mutant]]] = {
     "interlock rows": interlock_rows,
     "debounce": debounce_rows,
     "guards": guards,
-    "way back": way_back,
+    "recovery": way_back,
     "jog": jogs,
     "live states": live_states,
 }

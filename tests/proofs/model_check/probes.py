@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import repeat
 
 from bench_model import READY
 from safety_rules import AGREEMENT_STATES, CONDITIONS, ESTABLISHED, RULES, BrokenRuleError, require, waits_for_hands
@@ -52,28 +53,27 @@ STUBBORN = (
 
 
 class Probes:
-    """What is tried from a node, off the walk, and how often; `BrokenRuleError` where a rule does not hold."""
+    """What is tried from a node, off the walk, and how often; `BrokenRuleError` where a rule does not hold.
 
-    def __init__(self, stepper: Stepper) -> None:
+    `only`: the fault whose conditions are put on; every one when empty.
+    """
+
+    def __init__(self, stepper: Stepper, only: str = "") -> None:
         self.steps = 0
         self.count = 0
         self.states: dict[str, set[State]] = {}
         """Where each condition was put on."""
         self._stepper = stepper
         self._stubborn = [choice for choice in stepper.choices if choice.name in STUBBORN]
-        self._shown = {name: shown_on(stepper.program, condition.shown) for name, condition in CONDITIONS.items()}
+        self._asked = {name: one for name, one in CONDITIONS.items() if only in ("", name.split(" ")[0])}
+        self._shown = {name: shown_on(stepper.program, one.shown) for name, one in self._asked.items()}
 
     def ways_back(self, node: Node) -> None:
         """A fault with torque left in the unit, and operators who do not do what they should."""
         for way in WAYS_BACK:
-            at = self._stepper.step(node, self._stepper.by_name["drive drops, torque stays"])[0]
-            for _ in range(SETTLED_AFTER):
-                at = self._stepper.step(at, self._stepper.by_name["1.NONE"])[0]
-            for name in way:
-                at = self._stepper.step(at, self._stepper.by_name[name])[0]
-            for _ in range(SETTLED_AFTER):
-                at = self._stepper.step(at, self._stepper.by_name[way[-1].replace("RESET", "NONE")])[0]
-            self.steps += 2 * SETTLED_AFTER + len(way) + 1
+            after = way[-1].replace("RESET", "NONE")
+            names = ("drive drops, torque stays", *["1.NONE"] * SETTLED_AFTER, *way, *[after] * SETTLED_AFTER)
+            self.steps += sum(1 for _ in self._stepper.onward(node, [self._stepper.by_name[name] for name in names]))
 
     def persist(self, node: Node) -> None:
         """Let one device misbehave in the same way for ever: the run, or the reaction to its fault, still ends."""
@@ -84,7 +84,7 @@ class Probes:
                 at = self._stepper.follow(at, self._stepper.happening(at.bench, choice))
                 key = self._stepper.key(at)
                 state = at.bench.orders.state
-                settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a way back waits for a person
+                settled = at.bench.orders.phase == FaultReaction.SETTLED  # there a recovery waits for a person
                 over = state in (S.IDLE, S.COMPLETE, S.STOPPED) or waits_for_hands(at.bench.orders)
                 if over or (state == S.FAULT and settled):
                     break
@@ -93,7 +93,7 @@ class Probes:
 
     def conditions(self, node: Node, state: State) -> None:
         """Put on every condition that must be seen here, and look for its reaction in time."""
-        for name, condition in CONDITIONS.items():
+        for name, condition in self._asked.items():
             established = node.bench.orders.phase in ESTABLISHED.get(state, ())
             if state not in condition.states and not (established and state in condition.established_in):
                 continue
@@ -110,8 +110,8 @@ class Probes:
             nominal = Choice(name, command=held, shown=(*PRESSED, *nominal.shown))
         began = State(node.bench.orders.state)
         strongest, asked_for = Reaction.NONE, (*condition.states, *condition.established_in)
-        for _ in range(condition.within_scans):
-            node, _, orders = self._stepper.step(node, nominal)
+        for bench in self._stepper.onward(node, repeat(nominal, condition.within_scans)):
+            orders = bench.orders
             if orders.state in (S.FAULT, *asked_for):
                 strongest = max(strongest, Reaction(orders.reaction))
             if orders.state not in asked_for:
@@ -128,10 +128,10 @@ def shown_on(program: Program, shown: dict[str, float]) -> Shown:
 
 
 def check_trips() -> None:
+    sequence = Sequence()
     for state in State:
         if state == S.FAULT:
             continue
-        sequence = Sequence()
         sequence.state = state
         try:
             sequence.fire("trip")

@@ -88,7 +88,7 @@ CAPS: dict[str, int] = {"_waited": CAP, "_token_age": CAP, "_pressed": CAP, "_at
 """Counters that stop in a key, by their last name."""
 
 Snapshot = tuple[Any, ...]
-"""The state of a controller: values by name of each object that keeps state, then one tuple per list."""
+"""The state of a controller: the values of each object that keeps state, then one tuple per list."""
 
 Read = Callable[[Any], Any]
 
@@ -112,7 +112,7 @@ class Freezer:
         self._walk(controller, "", set())
         paths = {f"{path}{name}" for _, path, names, _ in self._things for name in names}
         paths |= {f"{path}{name}" for _, path, name in self._lists}
-        self._writers = [_writer(thing) for thing, _, _, _ in self._things]
+        self._writers = [_writer(thing, names) for thing, _, names, _ in self._things]
         unknown = set(NEVER_ACTS) - paths - {"events", "_context.notes"}
         assert not unknown, f"no such state in the controller any more: {unknown}"
         self._selected: dict[tuple[State, int], Selection] = {}
@@ -167,14 +167,14 @@ class Freezer:
 
     def take(self) -> Snapshot:
         """The state as it is now."""
-        parts = [dict(zip(names, read(thing), strict=True)) for thing, _, names, read in self._things]
+        parts = [read(thing) for thing, _, _, read in self._things]
         return (*parts, *(tuple(getattr(thing, name)) for thing, _, name in self._lists))
 
     def put_back(self, snapshot: Snapshot) -> None:
         """Make the controller what it was."""
-        self._controller.events.clear()
-        for write, values in zip(self._writers, snapshot, strict=False):
-            write(values)
+        for (thing, _, _, read), write, values in zip(self._things, self._writers, snapshot, strict=False):
+            if read(thing) != values:  # by the comparison that keys are compared with
+                write(values)
         for (thing, _, name), part in zip(self._lists, snapshot[len(self._things) :], strict=True):
             setattr(thing, name, list(part))
 
@@ -211,13 +211,14 @@ def _reader(names: list[str]) -> Read:
     return lambda thing: (getattr(thing, name),)
 
 
-def _writer(thing: Any) -> Callable[[dict[str, Any]], None]:
-    """Return what sets values of an object by their names: at once where it has a dictionary."""
+def _writer(thing: Any, names: tuple[str, ...]) -> Callable[[tuple[Any, ...]], None]:
+    """Return what sets the values of names of an object: at once where it has a dictionary."""
     if hasattr(thing, "__dict__"):
-        return vars(thing).update
+        held = vars(thing)
+        return lambda values: held.update(zip(names, values, strict=True))
 
-    def write(values: dict[str, Any]) -> None:
-        for name, value in values.items():
+    def write(values: tuple[Any, ...]) -> None:
+        for name, value in zip(names, values, strict=True):
             setattr(thing, name, value)
 
     return write
@@ -232,5 +233,5 @@ def _acts(path: str, state: State, phase: int) -> bool:
     if state != S.FAULT:
         return True
     if path == "_fault._waited":
-        return phase != FaultReaction.SETTLED  # begins anew with the way back
+        return phase != FaultReaction.SETTLED  # begins anew with the recovery
     return path != "_context.stopping"  # set when the fault is left

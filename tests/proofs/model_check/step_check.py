@@ -239,7 +239,7 @@ def _remember_fault(monitor: Monitor, last: State, now: State, image: Image, ord
         monitor = monitor._replace(reset_asked=True)
     if now == S.FAULT:
         if monitor.reset_asked and orders.phase != FaultReaction.DRIVE_RESET:
-            # refused, or over: the next way back wants its own
+            # refused, or over: the next recovery needs its own
             monitor = monitor._replace(reset_asked=False)
         return monitor
     require(9, "no acknowledgement", holds=monitor.acknowledged)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Iterator
+from collections.abc import Hashable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import Any, NamedTuple
 from unittest import mock
@@ -92,7 +92,7 @@ def _bench(devices: Devices, orders: Orders) -> BenchState:
 
 
 class Stepper:
-    """The controller with one small program; `left`: with the way back on a bench that was left wound up.
+    """The controller with one small program; `left`: with the recovery on a bench that was left wound up.
 
     jog: with a jog in place of a run.
     """
@@ -121,6 +121,21 @@ class Stepper:
         monitor = check_step(node.bench, node.monitor, image, orders)
         after, bench = self._freezer.take(), _bench(what.devices, orders)
         return Node(after, self._number(bench), bench, monitor), image, orders
+
+    def onward(self, node: Node, ahead: Iterable[Choice]) -> Iterator[BenchState]:
+        """Scan after scan from a node, to which nothing returns; what the bench is after each.
+
+        The controller goes on by itself, and is neither kept nor compared: nobody else may ask it meanwhile. Raises
+        `BrokenRuleError`.
+        """
+        self._freezer.put_back(node.controller)
+        bench, monitor = node.bench, node.monitor
+        for choice in ahead:
+            what = self.happening(bench, choice)
+            image, orders = self._scan(what)
+            monitor = check_step(bench, monitor, image, orders)
+            bench = _bench(what.devices, orders)
+            yield bench
 
     def follow(self, node: Node, what: Happening) -> Node:
         """One scan from a node, as `step`; but a controller that has been seen to decide the same is not asked again.
@@ -165,6 +180,11 @@ class Stepper:
     def _run(self, snapshot: Snapshot, what: Happening) -> tuple[Image, Orders]:
         """Let a controller decide on what it is shown."""
         self._freezer.put_back(snapshot)
+        return self._scan(what)
+
+    def _scan(self, what: Happening) -> tuple[Image, Orders]:
+        """Let the controller as it is decide on what it is shown."""
+        self._controller.events.clear()
         counter = self._controller._context.last_counter % 3 + 1
         image = look(what.devices, what.command, counter, what.shown)
         latched, was = self._controller._watch.latched, self._controller.state
@@ -226,7 +246,7 @@ class Stepper:
         return Node(after, self._number(bench), bench, Monitor(left=self.left))
 
     def nominal(self) -> list[Node]:
-        """The nodes of an undisturbed run, from idle to complete; with `left`, of the way back until it is stopped.
+        """The nodes of an undisturbed run, from idle to complete; with `left`, of the recovery until it is stopped.
 
         With `jog`, of one movement in each direction, until it is stopped.
         """

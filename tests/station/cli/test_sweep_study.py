@@ -15,7 +15,7 @@ from controller.controller import Controller
 from definitions.image import Image, Orders
 from definitions.program import Sweep
 from station.bench.assemble_virtual import choose_unit, virtual_config
-from station.bench.request import load_job
+from station.bench.request import Job, load_job
 from station.bench.virtual_unit import FIXED_SEED
 from station.cli.studies.frequency import Swing, _swept_rows
 from station.cli.studies.loop_source import trace_source
@@ -28,9 +28,14 @@ RECIPE = "rv-40e-121-sweep"
 
 
 @pytest.fixture(scope="module")
-def truth() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def job(quarter: Callable[[str], str]) -> Job:
+    """The job of `shipped_run(RECIPE)`."""
+    return load_job(quarter(RECIPE), None)
+
+
+@pytest.fixture(scope="module")
+def truth(job: Job) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time [s], torque in the reducer [N·m] and its wind-up [arcmin] while the sweep is on, without any sensor."""
-    job = load_job(RECIPE, None)
     config = virtual_config(job.bench, job.profile_paths, choose_unit("P1", job.recipe, FIXED_SEED))
     bench = VirtualTimeBench(config, job.recipe.sampling.period_ns)
     swept = next(one.index for one in job.program.segments if one.sweep is not None)
@@ -47,9 +52,9 @@ def truth() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def test_the_measured_response_is_that_of_the_unit(
-    shipped_run: Callable[[str], Any], truth: tuple[np.ndarray, np.ndarray, np.ndarray]
+    shipped_run: Callable[[str], Any], job: Job, truth: tuple[np.ndarray, np.ndarray, np.ndarray]
 ) -> None:
-    program = load_job(RECIPE, None).program
+    program = job.program
     sweep = next(one.sweep for one in program.segments if one.sweep is not None)
     kept = sweep.scans - sweep.period_scans
     period_s = sweep.period_scans * program.period_s

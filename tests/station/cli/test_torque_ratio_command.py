@@ -127,7 +127,7 @@ def test_what_is_no_table_of_one_line_is_told_with_its_place(tmp_path: Path, tex
         ("412", "412 without a unit"),
         ("412 arcmin", "which is an angle"),
         ("0 N·m", "other than zero"),
-        ("-412 N·m", "of the sign that the points"),
+        ("-412 N·m", "same sign as the measured points"),
     ],
 )
 def test_a_target_that_no_line_reaches_is_refused(target: str, told: str) -> None:

@@ -84,7 +84,7 @@ def test_run_ids_sort_by_time_also_after_the_clock_was_set_back(tmp_path: Path, 
     monkeypatch.setattr(station.records.data_folder, "WALL_CLOCK", clock)
     created = [first, *(new_run(store, serial).id for serial in ("Z", "A"))]
     assert [run.id for run in store.runs()] == created
-    assert store.find("last").id == created[-1], "the way back after a fault reads how the newest run was left"
+    assert store.find("last").id == created[-1], "the recovery after a fault reads how the newest run was left"
 
 
 @pytest.mark.parametrize("serial", ["../../etc", "a b/c:d", ".hidden", "ÄÖ-7", "x" * 128])

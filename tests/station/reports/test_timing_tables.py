@@ -86,7 +86,7 @@ def test_the_screen_has_two_more_lines_and_neither_is_wrapped(tmp_path: Path) ->
     lines = shown(result(timing=block, record=str(tmp_path)))
     assert len(lines) == len(before) + 2
     assert "4 gaps: missed 2 after scan 3 (long write), 1 after scan 10 (woken late); more in timing.json" in lines
-    parts = next(line for line in lines if line.startswith("scan parts (p99): read "))
+    parts = next(line for line in lines if line.startswith("scan time by part (p99): read "))
     assert parts.endswith("longest scan 3 (long write)")
     for gap in whole["gaps"]:
         gap["before"] |= {"scan": gap["before"]["scan"] + 1_234_000}

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from analysis.trace.trace import Trace
-from benchmarks.simulated.loop_generator import KINDS, Bench, course_of, measured
+from benchmarks.simulated.kinds import KINDS
+from benchmarks.simulated.loop_generator import Bench, course_of, measured
 from recipes import load_recipe
 from station.cli.runs.evaluate_anew import elsewhere
 from station.results.unit_hint import NEAR, TORQUE_UNITS, in_other_unit, torque_unit_hint

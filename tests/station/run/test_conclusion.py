@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import itertools
 import json
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
-from lostmotion_command import ROOT, Ran, here
+from lostmotion_command import Ran, here
 from patient import patient_bench, short_recipe
 from printed_numbers import alike
 from run_copies import copy_of
@@ -27,8 +28,8 @@ from station.records.samples.scan_record import RECORD_BYTES
 from station.run.conclusion import conclude
 from station.run.outcome import RunOutcome
 
-RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
-REVISION = load_recipe(str(RECIPE)).recipe.revision
+NAME = "rv-40e-121-quick"
+REVISION = load_recipe(NAME).recipe.revision
 
 RESULT_KEYS = {"run", "serial", "recipe", "state", "verdict", "reasons", "metrics", "timing", "alarms", "record"}
 METRIC_KEYS = {
@@ -46,6 +47,12 @@ METRIC_KEYS = {
     "verdict",
 }
 TIMING_KEYS = {"period_ns", "scans", "missed", "lateness_us", "work_us", "oldest_sample_scans", "realtime"}
+
+
+@pytest.fixture
+def recipe(quarter: Callable[[str], str]) -> Path:
+    """The recipe of `quick_run`."""
+    return Path(quarter(NAME))
 
 
 @pytest.fixture(scope="module")
@@ -80,7 +87,7 @@ def test_the_json_object_keeps_the_contract(finished: tuple[dict[str, Any], Any]
     assert {"p50", "p99", "max"} <= set(result["timing"]["work_us"])
 
 
-def test_the_record_stands_alone(finished: tuple[dict[str, Any], Any]) -> None:
+def test_the_record_stands_alone(finished: tuple[dict[str, Any], Any], recipe: Path) -> None:
     folder = Path(finished[0]["record"])
     names = {path.name for path in folder.iterdir()}
     assert names >= {
@@ -99,7 +106,7 @@ def test_the_record_stands_alone(finished: tuple[dict[str, Any], Any]) -> None:
         "report.html",
         "log.jsonl",
     }
-    assert (folder / "recipe.yaml").read_bytes() == RECIPE.read_bytes()
+    assert (folder / "recipe.yaml").read_bytes() == recipe.read_bytes()
     assert json.loads((folder / "result.json").read_text()) == finished[0]
     assert read_back(folder, json.loads((folder / "run.json").read_text())["records"]).sound
     page = (folder / "report.html").read_text()
@@ -134,7 +141,7 @@ def test_one_flipped_bit_and_there_is_no_verdict(copied: RunRecord) -> None:
 
 def test_a_record_cut_short_is_not_a_complete_run(copied: RunRecord) -> None:
     content = as_recorded(copied)
-    copied.samples.write_bytes(content[: 20_000 * RECORD_BYTES])
+    copied.samples.write_bytes(content[: 5_000 * RECORD_BYTES])
     result = again(copied, written=len(content) // RECORD_BYTES)
     assert result["state"] == "interrupted"
     assert result["verdict"] == "NOT DECIDABLE"
@@ -198,24 +205,24 @@ def test_analyze_finds_in_the_record_what_the_run_found(
     assert alike(found["metrics"], finished[0]["metrics"])
 
 
-def test_a_recipe_changed_without_a_new_revision_is_noted(copied: RunRecord, tmp_path: Path) -> None:
+def test_a_recipe_changed_without_a_new_revision_is_noted(copied: RunRecord, recipe: Path, tmp_path: Path) -> None:
     store = Store(copied.folder.parent)
-    assert recipe_notes(store.data, load_job(str(RECIPE), None)) == []
+    assert recipe_notes(store.data, load_job(str(recipe), None)) == []
     changed = tmp_path / "changed.yaml"
-    changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
+    changed.write_bytes(recipe.read_bytes() + b"# changed\n")
     (note,) = recipe_notes(store.data, load_job(str(changed), None))
     assert copied.id in note
     assert f"revision {REVISION}" in note
     raised = tmp_path / "raised.yaml"
-    raised.write_text(RECIPE.read_text().replace(f"revision: {REVISION}", f"revision: {REVISION + 1}"))
+    raised.write_text(recipe.read_text().replace(f"revision: {REVISION}", f"revision: {REVISION + 1}"))
     assert recipe_notes(store.data, load_job(str(raised), None)) == []
     copied.update(notes=[note])
     assert again(copied)["notes"][0] == note
 
 
-def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, tmp_path: Path) -> None:
+def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, recipe: Path, tmp_path: Path) -> None:
     changed = tmp_path / "changed.yaml"
-    changed.write_bytes(RECIPE.read_bytes() + b"# changed\n")
+    changed.write_bytes(recipe.read_bytes() + b"# changed\n")
     data = str(copied.folder.parent)
     words = ("--virtual-time", "--json", "--no-report", "--serial", "SN 1", "--data", data)
     done = here("run", str(changed), *words)

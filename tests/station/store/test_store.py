@@ -281,7 +281,7 @@ def test_a_server_that_is_not_there_is_told_and_done_without(
     monkeypatch.setenv(STORE_URL, "postgresql://nobody:secret@127.0.0.1:9/none")
     assert len(stored_values(plain, ASK).values) == 6
     said = capsys.readouterr().err
-    assert "postgresql+psycopg://nobody@127.0.0.1:9/none: the store cannot be used" in said
+    assert "postgresql+psycopg://nobody@127.0.0.1:9/none: the store of runs cannot be used" in said
     assert "secret" not in said
 
 

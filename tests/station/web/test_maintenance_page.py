@@ -1,4 +1,4 @@
-"""The page of maintenance in a real browser: a run torn off under torque, and the way back from it, step by step."""
+"""The page of maintenance in a real browser: a run torn off under torque, and the recovery from it, step by step."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_the_way_back_is_gone_step_by_step_with_the_torque_that_is_left(station:
     assert json.loads((record / "run.json").read_bytes())["operator"] == "the technician"
     assert ("the technician", "done") in audited(station, "acknowledge_fault")
     assert audited(station, "begin_recovery")[0] == ("the operator", "refused")
-    page.wait_for_selector(".lm-not-live")  # its record is sealed: until then the way back is under way
+    page.wait_for_selector(".lm-not-live")  # its record is sealed: until then the recovery is in progress
     again = station.post("start_run", {"scanned": "SN-2"}, "free again")
     assert again.status_code == 200, again.text
     station.wait("running", "ended")

@@ -93,7 +93,7 @@ def test_bypasses_refused_starts_and_the_head_stand_on_it(station: Station) -> N
 
 
 def test_alarms_are_counted_by_their_ids(tmp_path: Path) -> None:
-    cut = ROOT / "scenarios" / "estop-and-way-back.yaml"
+    cut = ROOT / "scenarios" / "estop-and-recovery.yaml"
     command = (
         "run",
         str(GOLDEN),

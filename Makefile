@@ -17,7 +17,7 @@ SITE ?= build/site
 # and each would compile all of this code anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run test test-long model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests seeds power-cuts fuzz fuzz-wires test-socketcan coverage-study clean
+.PHONY: help setup run test test-long model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests seeds power-cuts node-opcua opcua-drill fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -32,6 +32,8 @@ help:
 	@echo "make docs-site  the documentation as a site with a search, in build/site (SITE=FOLDER); a warning ends it"
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and supervisor at 100 random moments each (KILLS=N), nothing may be lost"
+	@echo "make node-opcua  node-opcua by npm, for the tests of OPC UA with a client that shares no code with the server"
+	@echo "make opcua-drill  100 results by OPC UA to two clients, 20 while all are down, with kills: each has each once"
 	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
 	@echo "make fuzz    coverage-guided fuzzing of every input (FUZZ_SECONDS=N each)"
 	@echo "make fuzz-wires  a million bent CAN frames and 100 000 bent Modbus replies into the running controller"
@@ -87,6 +89,12 @@ docs-site: $(STAMP)
 
 kill-tests: $(STAMP)
 	$(BIN)/python tests/proofs/drills/kill_drill.py $(KILLS)
+
+node-opcua:
+	npm install --no-audit --no-fund --prefix tests/station/opcua/node
+
+opcua-drill: $(STAMP)
+	$(BIN)/python tests/proofs/drills/opcua_drill.py
 
 power-cuts: $(STAMP)
 	$(BIN)/python tests/proofs/drills/power_cuts.py $(CUTS)

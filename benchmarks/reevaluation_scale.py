@@ -38,7 +38,7 @@ from station.reevaluation.run_question import Means, Reevaluated, ask_of_runs
 METRIC = "stiffness_at torque=50% branch=load"
 LEFT_OUT = {"run.json", RESULT, ".owner", "log.jsonl"}
 CORES, PLANT_RUNS, LINE_RUNS = 64, 21_000_000, 500_000
-KILL_EVERY_S = (2.0, 6.0)
+KILL_EVERY_S = (6.0, 14.0)
 
 
 def make_copies(source: Path, data: Path, count: int) -> None:

@@ -22,6 +22,7 @@ from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_
 from station.cli.faults.commands import faults_app
 from station.cli.line import commands as cli_line
 from station.cli.measure import commands as cli_measure
+from station.cli.opcua.commands import opcua_app
 from station.cli.quality.commands import quality_app
 from station.cli.runs import commands as cli_runs
 from station.cli.store import commands as cli_store
@@ -95,7 +96,13 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "archive": archive_app,
         "store": store_app,
     },
-    "Station": {"serve": cli_web.serve, "recipes": recipes_app, "users": users_app, "audit": cli_web.audit_app},
+    "Station": {
+        "serve": cli_web.serve,
+        "recipes": recipes_app,
+        "users": users_app,
+        "audit": cli_web.audit_app,
+        "opcua": opcua_app,
+    },
     "Models": {
         "model": cli_models.model,
         "play-model": cli_models.play_model,

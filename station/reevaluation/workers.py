@@ -65,7 +65,7 @@ class _Worker:
 
     def __init__(self, question: Question) -> None:
         context = multiprocessing.get_context("forkserver")
-        context.set_forkserver_preload(["station.reevaluation.evaluate_one"])
+        context.set_forkserver_preload(["station.reevaluation.forked"])
         self.connection, theirs = context.Pipe()
         self._process: Any = context.Process(target=_serve, args=(theirs, question), daemon=True)
         self._process.start()

@@ -15,7 +15,7 @@ from station.atomic_file import write_atomic
 from station.errors import RecordError, StationError
 from station.own_place import own_place
 
-SERVER, KIOSK = "lostmotion.service", "lostmotion-kiosk.service"
+SERVER, KIOSK, OPCUA = "lostmotion.service", "lostmotion-kiosk.service", "lostmotion-opcua.service"
 
 SERVER_UNIT = """\
 [Unit]
@@ -85,6 +85,46 @@ RestartSec=5
 WantedBy=multi-user.target
 """
 
+OPCUA_UNIT = """\
+[Unit]
+Description=lostmotion by OPC UA
+After=network.target
+
+[Service]
+Type=exec
+ExecStart={command}
+User={user}
+WorkingDirectory={data}
+Environment=LOSTMOTION_STATE={state}
+Restart=always
+RestartSec=5
+TimeoutStopSec=15
+# It only reads what runs leave: a run has the processor first.
+Nice=5
+NoNewPrivileges=yes
+ProtectSystem=strict
+ReadWritePaths={data}
+PrivateTmp=yes
+PrivateDevices=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectHostname=yes
+ProtectClock=yes
+RestrictSUIDSGID=yes
+RestrictNamespaces=yes
+RestrictRealtime=yes
+LockPersonality=yes
+SystemCallArchitectures=native
+RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6
+CapabilityBoundingSet=
+UMask=0027
+
+[Install]
+WantedBy=multi-user.target
+"""
+
 
 def install_units(folder: Path, data: Path, words: Sequence[str], url: str) -> int:
     """Write both units into a folder, and say what starts them; return 0.
@@ -95,25 +135,44 @@ def install_units(folder: Path, data: Path, words: Sequence[str], url: str) -> i
         StationError: a path holds what a unit cannot name, or the folder cannot be written.
 
     """
-    data = data.resolve()
-    data.mkdir(parents=True, exist_ok=True)
-    state = own_place().resolve()
-    state.mkdir(mode=0o700, parents=True, exist_ok=True)
-    command = [sys.executable, "-m", "station", "serve", "--data", str(data), *words]
-    named = {"user": getpass.getuser(), "data": _plain(str(data)), "state": _plain(str(state))}
-    server = SERVER_UNIT.format(command=" ".join(_quoted(word) for word in command), **named)
+    named = _named(data)
+    server = SERVER_UNIT.format(command=_command("serve", "--data", named["data"], *words), **named)
     kiosk = KIOSK_UNIT.format(server=SERVER, url=_quoted(url), user=named["user"])
-    try:
-        for name, text in ((SERVER, server), (KIOSK, kiosk)):
-            write_atomic(folder / name, text.encode())
-    except RecordError as error:
-        raise StationError(f"--install-unit {folder}: {error}") from error
+    _write(folder, {SERVER: server, KIOSK: kiosk})
     sys.stdout.write(
         f"written  {folder / SERVER}\n         {folder / KIOSK}\n"
         f"start    systemctl daemon-reload && systemctl enable --now {SERVER}\n"
         f"screen   systemctl enable --now {KIOSK}   (needs cage and chromium)\n"
     )
     return 0
+
+
+def install_opcua_unit(folder: Path, data: Path) -> int:
+    """Write the unit of the OPC UA server into a folder, and say what starts it; return 0. StationError as above."""
+    named = _named(data)
+    _write(folder, {OPCUA: OPCUA_UNIT.format(command=_command("opcua", "serve", "--data", named["data"]), **named)})
+    sys.stdout.write(f"written  {folder / OPCUA}\nstart    systemctl daemon-reload && systemctl enable --now {OPCUA}\n")
+    return 0
+
+
+def _named(data: Path) -> dict[str, str]:
+    """Return what each unit names: user, data folder and place of the bench's own files, which are made."""
+    data, state = data.resolve(), own_place().resolve()
+    data.mkdir(parents=True, exist_ok=True)
+    state.mkdir(mode=0o700, parents=True, exist_ok=True)
+    return {"user": getpass.getuser(), "data": _plain(str(data)), "state": _plain(str(state))}
+
+
+def _command(*words: str) -> str:
+    return " ".join(_quoted(word) for word in (sys.executable, "-m", "station", *words))
+
+
+def _write(folder: Path, units: dict[str, str]) -> None:
+    try:
+        for name, text in units.items():
+            write_atomic(folder / name, text.encode())
+    except RecordError as error:
+        raise StationError(f"--install-unit {folder}: {error}") from error
 
 
 def _plain(path: str) -> str:

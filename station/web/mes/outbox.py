@@ -12,7 +12,6 @@ import hashlib
 import hmac
 import json
 import sys
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
@@ -24,10 +23,7 @@ from sqlalchemy import Connection, func, insert, select, update
 from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
-from station.records.chain.chain_file import CHAIN
-from station.records.chain.entries import SEALED, Fields
-from station.records.run_record import RESULT, RunRecord
-from station.records.seal import alterations
+from station.results.sealed_runs import chain_end, result_of, sealed_since
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.mes.previous_step import heard
 from station.web.mes.settings import MesSettings, read_secret
@@ -91,8 +87,7 @@ def begin_here(database: StationDatabase, data: Path) -> None:
     """Note where the chain ends when the MES is set up: earlier runs are not told."""
     with database.writing() as connection:
         if connection.execute(select(WEBHOOKS_READ.c.offset)).first() is None:
-            content = _content(data, 0)
-            connection.execute(insert(WEBHOOKS_READ).values(number=1, offset=content.rfind(b"\n") + 1))
+            connection.execute(insert(WEBHOOKS_READ).values(number=1, offset=chain_end(data)))
 
 
 def collect(database: StationDatabase, data: Path) -> int:
@@ -104,15 +99,12 @@ def collect(database: StationDatabase, data: Path) -> int:
     """
     with database.reading() as connection:
         offset = connection.execute(select(WEBHOOKS_READ.c.offset)).scalar() or 0
-    content = _content(data, offset)
-    end = content.rfind(b"\n") + 1
-    if not end:
+    sealed, end = sealed_since(data, offset)
+    if end == offset:
         return 0
-    entries: Iterator[Fields] = map(json.loads, content[:end].splitlines())
-    sealed = [fields for fields in entries if fields.get("kind") == SEALED]
-    messages = [(fields, *_result_of(data, fields["run"])) for fields in sealed]
+    messages = [(fields, *result_of(data, fields["run"])) for fields in sealed]
     with database.writing() as connection:
-        taken = update(WEBHOOKS_READ).where(WEBHOOKS_READ.c.offset == offset).values(offset=offset + end)
+        taken = update(WEBHOOKS_READ).where(WEBHOOKS_READ.c.offset == offset).values(offset=end)
         if not connection.execute(taken).rowcount:
             return 0
         head = audit.head_of(connection)
@@ -126,32 +118,6 @@ def collect(database: StationDatabase, data: Path) -> int:
                     insert(WEBHOOKS).values(key=key, serial=message.serial, body=body, tries=0, next_s=0.0)
                 )
     return len(sealed)
-
-
-def _content(data: Path, offset: int) -> bytes:
-    try:
-        with (data / CHAIN).open("rb") as file:
-            if file.seek(0, 2) < offset:
-                raise StationError(
-                    f"{data / CHAIN}: is shorter than before. No results go to the MES until it is restored"
-                )
-            file.seek(offset)
-            return file.read()
-    except FileNotFoundError:
-        return b""
-    except OSError as error:
-        raise StationError(f"{data / CHAIN}: cannot be read: {error.strerror}") from error
-
-
-def _result_of(data: Path, name: str) -> tuple[Sequence[str], Result | None]:
-    """Return what was altered of a sealed run, and its result where nothing was."""
-    run = RunRecord(data / name)
-    try:
-        # twice: the first look may fall into the moment in which the sealed run.json gets its name
-        altered = alterations(run, samples=False) and alterations(run, samples=False)
-        return altered, run.read(Result, RESULT) if run.has(RESULT) and not altered else None
-    except StationError as error:
-        return (str(error),), None
 
 
 class Sender:

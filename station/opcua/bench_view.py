@@ -1,0 +1,89 @@
+"""What is known of the bench now, read from what runs leave: the run that is on, or the one that was on last."""
+
+from __future__ import annotations
+
+import time
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from controller.aftermath import FaultReaction
+from definitions.image import State
+from definitions.states import row_of
+from station.errors import StationError
+from station.opcua.projection import Projected, projected
+from station.opcua.values import NOTHING, Value, aged, values_of
+from station.records.data_folder import Store
+from station.records.run_record import INTERRUPTED, NOT_CONCLUDED
+from station.records.samples.scan_record import unpack
+from station.run.way_back.recoveries import recoveries, was_recovered
+from station.web.running import ENDED, RUNNING, STARTING, Now, Running
+
+QUIET_S = 1.0
+"""A run whose newest record is older than this has no live values."""
+
+STATE_OF_RUN: dict[str, State] = {
+    "complete": State.COMPLETE, "stopped": State.STOPPED, "fault": State.FAULT,
+    INTERRUPTED: State.FAULT, NOT_CONCLUDED: State.FAULT,
+}  # fmt: skip
+"""State of the bench after a run, by how the run ended: after an interrupted one it has to be recovered."""
+
+
+@dataclass(frozen=True)
+class BenchNow:
+    """What the bench shows: states as the standards name them, words, and values with their status."""
+
+    states: Projected
+    texts: dict[str, str] = field(default_factory=dict)
+    values: dict[str, Value] = field(default_factory=lambda: dict(NOTHING))
+
+
+class BenchView:
+    """The bench of one data folder."""
+
+    def __init__(self, data: Path) -> None:
+        self._data, self._running = data, Running(data)
+        self._recovery = Running(recoveries(data).data)
+        self._values = dict(NOTHING)
+        self._newest, self._changed_s = b"", 0.0
+
+    def look(self) -> BenchNow:
+        """Return what is known now."""
+        now = self._running.now()
+        recovery = self._recovery.now()
+        if recovery.stage == RUNNING:
+            now = recovery
+        on = now.stage in (STARTING, RUNNING)
+        state, settled = self._live(now) if on else (self._left(now), True)
+        if not on:
+            self._values = aged(self._values)
+        words = "nothing is known of the bench" if state is None else row_of(state).words
+        texts = {
+            "State": "" if state is None else state.name.lower(), "StateText": words,
+            "Run": now.run, "SerialNumber": now.serial, "Recipe": now.recipe,
+        }  # fmt: skip
+        return BenchNow(projected(state, settled=settled), texts, self._values)
+
+    def _live(self, now: Now) -> tuple[State, bool]:
+        if not now.record or now.program is None:
+            return State.IDLE, True
+        if now.record != self._newest:
+            self._newest, self._changed_s = now.record, time.monotonic()
+        _, image, orders = unpack(now.record)
+        on = time.monotonic() - self._changed_s < QUIET_S
+        self._values = values_of(image, now.program, on=on)
+        return State(orders.state), orders.phase == FaultReaction.SETTLED
+
+    def _left(self, now: Now) -> State | None:
+        """Return the state in which the newest run left the bench, None where nothing is known."""
+        if now.stage != ENDED or not now.run:
+            return None
+        with suppress(StationError):
+            run = Store(self._data).by_id(now.run)
+            if run is None:
+                return None
+            manifest = run.manifest()
+            name = NOT_CONCLUDED if run.deserted() else manifest.state
+            state = STATE_OF_RUN.get(name)
+            return State.STOPPED if state is State.FAULT and was_recovered(self._data, run) else state
+        return None

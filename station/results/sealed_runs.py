@@ -1,0 +1,56 @@
+"""Runs that were sealed since a reader's last look at the chain, for whoever tells others of them: each once."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.chain.chain_file import CHAIN
+from station.records.chain.entries import SEALED, Fields
+from station.records.run_record import RESULT, RunRecord
+from station.records.seal import alterations
+
+
+def chain_end(data: Path) -> int:
+    """Return where the last whole entry of the chain ends, in bytes; StationError where it cannot be read."""
+    return _content(data, 0).rfind(b"\n") + 1
+
+
+def sealed_since(data: Path, offset: int) -> tuple[list[Fields], int]:
+    """Return the entries that seal a run behind a place in the chain, and the place from which to read on.
+
+    Raises:
+        StationError: the chain cannot be read, or is shorter than it was.
+
+    """
+    content = _content(data, offset)
+    end = content.rfind(b"\n") + 1
+    entries: Iterator[Fields] = map(json.loads, content[:end].splitlines())
+    return [fields for fields in entries if fields.get("kind") == SEALED], offset + end
+
+
+def result_of(data: Path, name: str) -> tuple[Sequence[str], Result | None]:
+    """Return what was altered of a sealed run, and its result where nothing was."""
+    run = RunRecord(data / name)
+    try:
+        # twice: the first look may fall into the moment in which the sealed run.json gets its name
+        altered = alterations(run, samples=False) and alterations(run, samples=False)
+        return altered, run.read(Result, RESULT) if run.has(RESULT) and not altered else None
+    except StationError as error:
+        return (str(error),), None
+
+
+def _content(data: Path, offset: int) -> bytes:
+    try:
+        with (data / CHAIN).open("rb") as file:
+            if file.seek(0, 2) < offset:
+                raise StationError(f"{data / CHAIN}: is shorter than before. No results are sent until it is restored")
+            file.seek(offset)
+            return file.read()
+    except FileNotFoundError:
+        return b""
+    except OSError as error:
+        raise StationError(f"{data / CHAIN}: cannot be read: {error.strerror}") from error

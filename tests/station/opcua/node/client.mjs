@@ -31,6 +31,9 @@ const client = opcua.OPCUAClient.create({
 });
 
 await client.connect(asked.url);
+// Its own reconnection to a server that was killed does not always come to an end: whoever started it starts it anew.
+client.on("connection_lost", () => process.exit(2));
+client.on("start_reconnection", () => process.exit(2));
 const session = await client.createSession({ type: opcua.UserTokenType.UserName, userName: asked.user, password: asked.password });
 const namespaces = await session.readNamespaceArray();
 const ours = namespaces.indexOf("urn:lostmotion:opcua");

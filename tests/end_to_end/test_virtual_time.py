@@ -62,6 +62,16 @@ def test_the_quick_recipe_passes_its_unit_at_its_own_period(as_shipped_run):
     assert ran.json["timing"]["period_ns"] == 1_000_000
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", sorted(BENCH_RECIPES))
+def test_recipe_of_each_bench_passes_its_unit_at_its_own_period_too(stored_once, name):
+    """The other tests here run copies with a quarter of the scans."""
+    ran = stored_once(f"as-shipped-{name}", name, "--serial", "SN 1", "--no-report").ran
+    assert (ran.exit_code, ran.json["state"], ran.json["verdict"]) == (0, "complete", "PASS"), ran.json["reasons"]
+    assert ran.json["timing"]["period_ns"] == 1_000_000
+    assert {key: metric(ran.json, *key) for key in BENCH_RECIPES[name]} == BENCH_RECIPES[name]
+
+
 @pytest.mark.parametrize("name", BENCH_RECIPES)
 def test_recipe_of_each_bench_passes_its_unit_and_recovers_its_figures(shipped_run, name):
     ran = shipped_run(name).ran

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
 from typing import Any, NamedTuple
 
 from asyncua import Node, Server, ua
@@ -14,6 +13,7 @@ from station.opcua.standard import OURS, load_standards
 from station.opcua.standard_types import DI, MACHINERY, RESULT
 from station.opcua.values import NOTHING, VALUES, Value, unit_information
 from station.version import version
+from station.wall_clock import WALL_CLOCK
 
 MACHINES_FOLDER, IDENTIFICATION, ITEM_STATE, OPERATION_MODE = 1001, 1012, 1002, 1008
 """Nodes of OPC 40001-1: the folder of machines, and three types."""
@@ -180,7 +180,7 @@ class AddressSpace:
             return
         self._written[name] = (value, status)
         told = ua.Variant(value, kind) if value is not None else ua.Variant(None, ua.VariantType.Null)
-        data = ua.DataValue(told, ua.StatusCode(status), SourceTimestamp=datetime.now(UTC))
+        data = ua.DataValue(told, ua.StatusCode(status), SourceTimestamp=WALL_CLOCK.now())
         await self.server.iserver.write_attribute_value(self._nodes[name], data)
 
     async def show_state(self, row: Projected) -> None:

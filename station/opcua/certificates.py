@@ -10,7 +10,7 @@ import ipaddress
 import os
 import socket
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from pathlib import Path
 
 from cryptography import x509
@@ -69,7 +69,7 @@ def made_certificate(
 ) -> x509.Certificate:
     """Return a certificate of an application, signed by itself, as OPC UA wants it (part 6, 6.2.2)."""
     name = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, common_name)])
-    now = datetime.now(UTC)
+    now = WALL_CLOCK.now()
     usage = x509.KeyUsage(
         digital_signature=True, content_commitment=True, key_encipherment=True, data_encipherment=True,
         key_agreement=False, key_cert_sign=True, crl_sign=False, encipher_only=False, decipher_only=False,

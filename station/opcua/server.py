@@ -11,7 +11,6 @@ import signal
 import socket
 from collections.abc import Awaitable, Callable, Iterator
 from contextlib import contextmanager, suppress
-from datetime import UTC, datetime
 from pathlib import Path
 
 from asyncua import Server, ua
@@ -26,6 +25,7 @@ from station.opcua.methods import ResultMethods
 from station.opcua.outbox import Outbox
 from station.opcua.settings import FILE, OpcUaSettings, load_opcua
 from station.version import version
+from station.wall_clock import WALL_CLOCK
 from station.web.people.database import StationDatabase
 
 LOCK = "opcua.lock"
@@ -130,7 +130,7 @@ class _Service:
         server.set_server_name(f"lostmotion {settings.machine.serial_number}")
         server.product_uri = "urn:lostmotion"
         await server.set_build_info(
-            "urn:lostmotion", settings.machine.manufacturer, "lostmotion", version(), "", datetime.now(UTC)
+            "urn:lostmotion", settings.machine.manufacturer, "lostmotion", version(), "", WALL_CLOCK.now()
         )
         server.application_type = ua.ApplicationType.Server
         server.set_endpoint(settings.endpoint)

@@ -44,7 +44,7 @@ NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES: dict[int, str] = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
 
 
-LOADED_AHEAD = ("scipy.optimize", "numpy.polynomial", "pyarrow.parquet")
+LOADED_AHEAD = ("scipy.ndimage", "scipy.optimize", "numpy.polynomial", "pyarrow.parquet")
 """What an evaluation loads when it first needs it: most of a second on a slow computer."""
 
 

@@ -8,7 +8,7 @@ knows is passed over.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import is_dataclass
 from itertools import zip_longest
 from pathlib import Path
@@ -57,6 +57,29 @@ def document_in(kind: type[Document], content: bytes, place: Path) -> Document:
         return adapter(kind).validate_json(content, strict=True)
     except ValidationError as error:
         raise RecordError(f"{place}: is damaged: {'; '.join(_wrong(kind, error))}. {NEXT_STEP}") from error
+
+
+def whole_lines(kind: type[Document], path: Path) -> Iterator[Document]:
+    """Yield the documents of a file that has one in each line; none where there is no file.
+
+    A line that is torn or of another kind is passed over: whoever appends to such a file writes anew what is missing.
+
+    Raises:
+        RecordError: the file cannot be read.
+
+    """
+    try:
+        with open_file(path) as file:
+            content = file.read()
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise refused(path, error, "read") from error
+    for row in content.split(b"\n"):
+        try:
+            yield document_in(kind, row, path)
+        except RecordError:
+            continue
 
 
 def of_plain(kind: type[Document], found: object, place: Path) -> Document:

@@ -8,14 +8,13 @@ makes a lost note again.
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from station.atomic_file import append_line, open_file, refused
+from station.atomic_file import append_line
 from station.documents.archived import ArchivedRun, ArchiveLine
 from station.documents.entries import plain
-from station.documents.reading import document_in
+from station.documents.reading import whole_lines
 from station.errors import RecordError
 
 NOTE = "archive.jsonl"
@@ -49,23 +48,8 @@ def read_note(data: Path) -> Note:
         RecordError: it cannot be read.
 
     """
-    lines = tuple(_lines(data / NOTE))
+    lines = tuple(whole_lines(ArchiveLine, data / NOTE))
     return Note(lines, {run.run: Address(line, run) for line in lines for run in line.runs})
-
-
-def _lines(path: Path) -> Iterator[ArchiveLine]:
-    try:
-        with open_file(path) as file:
-            content = file.read()
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise refused(path, error, "read") from error
-    for row in content.split(b"\n"):
-        try:
-            yield document_in(ArchiveLine, row, path)
-        except RecordError:
-            continue  # torn by a power failure: its objects are found again in the archive
 
 
 def add_to_note(data: Path, line: ArchiveLine) -> None:

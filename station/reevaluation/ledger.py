@@ -17,10 +17,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from station.atomic_file import append_line, open_file, refused
+from station.atomic_file import append_line, refused
 from station.documents.entries import plain
-from station.documents.reading import document_in
-from station.errors import RecordError
+from station.documents.reading import whole_lines
 from station.reevaluation.evaluate_one import Job, MetricOutcome, Outcome
 from station.reevaluation.question import ReevaluationError
 
@@ -64,7 +63,7 @@ class Ledger:
         self.lines: dict[Key, LedgerLine] = {}
         self.twice = 0
         """Lines that say again what another one says."""
-        for line in _lines(path):
+        for line in whole_lines(LedgerLine, path):
             key = Key(line.sha256, line.software)
             self.twice += key in self.lines
             self.lines[key] = line
@@ -128,18 +127,3 @@ def open_ledger(data: Path, question: str, text: str) -> Iterator[Ledger]:
 
 def _as_text(line: LedgerLine) -> str:
     return json.dumps(plain(asdict(line)), ensure_ascii=False, separators=(",", ":"))
-
-
-def _lines(path: Path) -> Iterator[LedgerLine]:
-    try:
-        with open_file(path) as file:
-            content = file.read()
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise refused(path, error, "read") from error
-    for row in content.split(b"\n"):
-        try:
-            yield document_in(LedgerLine, row, path)
-        except RecordError:
-            continue  # torn: its run is evaluated again

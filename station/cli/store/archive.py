@@ -39,7 +39,7 @@ def push_runs(data: Path, *, as_json: bool) -> int:
     def told(line: ArchiveLine) -> None:
         if not as_json:
             size = line.full.bytes + (0 if line.trace is None else line.trace.bytes)
-            sys.stdout.write(f"{line.full.name}: {len(line.runs)} runs, {size / 1e6:.1f} MB, read back and compared\n")
+            sys.stdout.write(f"{line.full.name}: runs {len(line.runs)}, {size / 1e6:.1f} MB, read back and compared\n")
             sys.stdout.flush()
 
     try:
@@ -54,7 +54,7 @@ def push_runs(data: Path, *, as_json: bool) -> int:
         "left_out": done.left_out,
     }
     blocks: list[str | Grid] = [f"left out: {one.run}: {one.why}" for one in done.left_out]
-    blocks.append(f"{done.runs} runs are in {place.settings.url} since, {len(done.left_out)} were left out")
+    blocks.append(f"{place.settings.url}: runs archived now {done.runs}, left out {len(done.left_out)}")
     say(document, blocks, as_json=as_json)
     return EXIT_PROBLEMS if done.left_out else 0
 
@@ -94,11 +94,14 @@ def status(data: Path, *, as_json: bool) -> int:
     settings, note = load_settings(data), read_note(data)
     found = _state(data, settings, note)
     _into_store(data)
+    to_push = " (next: 'lostmotion archive push')" if found.waiting else ""
+    to_fetch = " (to bring one back: 'lostmotion archive fetch RUN')" if found.only_archived else ""
     blocks = [
         found.url,
-        f"{found.runs} runs in {found.objects} objects: {_mb(found.bytes)} records, {_mb(found.trace_bytes)} traces",
-        f"{found.waiting} runs of {data} wait: 'lostmotion archive push'",
-        f"{found.only_archived} runs are only in the archive: 'lostmotion archive fetch RUN'",
+        f"runs in the archive           {found.runs}, in {found.objects} objects",
+        f"size                          records {_mb(found.bytes)}, traces {_mb(found.trace_bytes)}",
+        f"runs not yet in the archive   {found.waiting}{to_push}",
+        f"runs only in the archive      {found.only_archived}{to_fetch}",
     ]
     return say(found, blocks, as_json=as_json)
 

@@ -76,6 +76,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "recipe_released": dataclasses.replace(good, release=None),
         "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
+        "label_read": dataclasses.replace(good, label="The label of unit SN-0 was not read yet."),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
         "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
         "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),

@@ -45,6 +45,7 @@ CAPS_LOCK_ON = "Caps Lock is on: it changes what the scanner sends. Switch it of
 SCANNER_TESTED = "The scanner works. Scan the unit."
 PUT_AWAY = "The bad unit is in the NOK box"
 LABEL_READ = "The label of unit {serial} is on it. Scan the next unit."
+LABEL_FIRST = "Put the label on the unit and scan it."
 PRINT_AGAIN = "Print the label again"
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
 
@@ -107,6 +108,7 @@ class _Page:
         self._points = -1
         self._scan = ("", 0.0, "")
         self._session_seen = 0.0
+        self._awaited = False
 
     def build(self) -> None:
         """Lay the page out."""
@@ -138,6 +140,7 @@ class _Page:
                 return
             self._bypasses.set_text(" ".join(self._words(str(one)) for one in bypasses))
             self._bypasses.set_visibility(bool(bypasses))
+            self._awaited = label is not None
             self._label.set_text("" if label is None else self._words(str(label)))
             self._label.set_visibility(label is not None)
             self._session_seen = time.monotonic()
@@ -146,7 +149,7 @@ class _Page:
         self._show_loop(now)
         view = now.view
         left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)
-        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state)
+        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited)
         if view is not None and now.stage == IS_RUNNING:
             torque, windup = signed(view.torque_nm, 1), signed(view.windup_arcmin, 3)
             figures = (("torque", f"{torque} N·m"), ("wind-up", f"{windup} ′"), ("time left", left))
@@ -162,6 +165,7 @@ class _Page:
         self._shown = what
         shown = _shown(now)
         self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
+        to_do = LABEL_FIRST if self._awaited and shown in VERDICTS.values() else shown.to_do
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         about = "  ".join(
             part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part
@@ -169,7 +173,7 @@ class _Page:
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
-            f'<div class="lm-do">{escape(self._words(state or shown.to_do))}</div>'
+            f'<div class="lm-do">{escape(self._words(state or to_do))}</div>'
         )
         self._why.set_content(_why(now, self._words))
 

@@ -85,29 +85,37 @@ def collect(database: StationDatabase, data: Path, labels: Labels) -> int:
         if not connection.execute(taken).rowcount:
             return 0
         for row in made:
-            if connection.execute(select(LABELS.c.number).where(LABELS.c.run == row["run"])).first() is None:
-                connection.execute(insert(LABELS).values(**row))
+            if connection.execute(select(LABELS.c.number).where(LABELS.c.run == row.run)).first() is None:
+                connection.execute(insert(LABELS).values(**row._asdict(), copy=1, next_s=0.0, done_by="", why=""))
     return len(made)
 
 
-def _made(data: Path, run: str, labels: Labels) -> dict[str, object] | None:
-    """Return the row of a run's label, None where it gets none; one that cannot be made is a row that says why."""
+class _NewLabel(NamedTuple):
+    """A label that is to be printed; one that cannot be made has no text, and says why."""
+
+    run: str
+    serial: str
+    label: str = ""
+    reads_as: str = ""
+    trouble: str = ""
+
+
+def _made(data: Path, run: str, labels: Labels) -> _NewLabel | None:
+    """Return the label of a run; None where it gets none."""
     altered, result = result_of(data, run)
     try:
         manifest = RunRecord(data / run).manifest()
-        if not gets_label(manifest, labels):
-            return None
-        row: dict[str, object] = {"run": run, "serial": manifest.serial, "label": "", "reads_as": "", "trouble": ""}
-        row |= {"copy": 1, "next_s": 0.0, "done_by": "", "why": ""}
-        if result is None:
-            return row | {"trouble": altered[0] if altered else "the run has no result"}
-        label, reads_as = label_of(data, manifest, result, labels, 1)
-        return row | {"label": label, "reads_as": reads_as}
-    except LabelError as error:
-        return row | {"trouble": str(error)}
     except StationError as error:
         sys.stderr.write(f"labels  run {run} gets no label: {error}\n")
         return None
+    if not gets_label(manifest, labels):
+        return None
+    try:
+        if result is None:
+            raise LabelError(altered[0] if altered else "the run has no result")
+        return _NewLabel(run, manifest.serial, *label_of(data, manifest, result, labels, 1))
+    except StationError as error:
+        return _NewLabel(run, manifest.serial, trouble=str(error))
 
 
 def gets_label(manifest: Manifest, labels: Labels) -> bool:

@@ -26,7 +26,7 @@ from station.web.actions.values import LabelTold, refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.labels.outbox import Awaited, awaited, is_label
 from station.web.languages import LANGUAGES, Words, messages
-from station.web.pages.frame import HERE, act, bar, session_of_page, words_for
+from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
@@ -136,7 +136,7 @@ class _Page:
         if time.monotonic() - self._session_seen > SESSION_EVERY_S:
             session, bypasses, label = await asyncio.to_thread(_seen, self._station, self._session.token)
             if session is None:
-                ui.navigate.to("/enter")  # nobody sees the bench after the end of a session
+                leave_page()  # nobody sees the bench after the end of a session
                 return
             self._bypasses.set_text(" ".join(self._words(str(one)) for one in bypasses))
             self._bypasses.set_visibility(bool(bypasses))

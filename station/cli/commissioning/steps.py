@@ -13,6 +13,7 @@ from drivers.can.other_controller import refuse_other_controller
 from drivers.config import WireBenchConfig
 from drivers.modbus.part_fields import PART_FIELDS
 from drivers.servo_drive.comparison import Compared
+from drivers.servo_drive.emcy import emcy_sentence
 from station.bench.commissioned import Change, protocol_path
 from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
@@ -232,14 +233,19 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
             "" if not one.acted else f"{one.seen_enabled_s * 1e3:.0f} to {one.after_s * 1e3:.0f} ms",
             "" if one.off_s is None else f"{one.off_s * 1e3:.0f} ms",
             _timeout(trial, one),
-            f"0x{one.emcy_code:04X}" if one.emcy_code else "",
         )
         for trial, one in zip(trials.TRIALS, reactions, strict=True)
     ]
-    heads = ("trial", "drive reacts", "after", "without torque after", "time-out", "EMCY")
+    heads = ("trial", "drive reacts", "after", "without torque after", "time-out")
     done = write_down(bench, "watchdogs", by, trials.judged(reactions), trials.figures(reactions))
     said = SaidOfWatchdogs([TrialSaid(reaction=one, state=one.state.name.lower()) for one in reactions])
-    return end(bench, done, [Grid(heads, rows)], said, as_json=as_json)
+    blocks: list[Block] = [Grid(heads, rows)]
+    blocks += [
+        f"{trial.title}: {emcy_sentence(one.emcy_code)}"
+        for trial, one in zip(trials.TRIALS, reactions, strict=True)
+        if one.emcy_code
+    ]
+    return end(bench, done, blocks, said, as_json=as_json)
 
 
 def _timeout(trial: Trial, reaction: Reaction) -> str:

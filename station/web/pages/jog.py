@@ -21,6 +21,7 @@ from definitions.faults import FAULT_BY_NUMBER
 from definitions.image import State
 from definitions.jog import PHASE_ROWS, TOKEN_EVERY_S, JogPhase
 from station.records.samples.scan_record import unpack
+from station.run.screen.live import alarm_texts
 from station.run.screen.progress import signed
 from station.web.actions.table import ACTIONS
 from station.web.bench.jogging import SIGNS, Jogged
@@ -206,7 +207,10 @@ def shown_of(standing: Jogged) -> Shown:
         torque="not known" if torque_nm is None else f"{signed(torque_nm, 1)} N·m",
         speed=f"{signed(image.drive_velocity_rad_s * RPM_PER_RAD_S, 2)} rpm",
         most=f"at most {program.jog.speed_rad_s * RPM_PER_RAD_S:.3g} rpm",
-        alarms=tuple(f"{one.number} {one.text}. {one.next_action}." for one in faults),
+        alarms=tuple(
+            f"{one.number} {text}"
+            for one, text in zip(faults, alarm_texts(orders.alarms, image.drive_emcy_code), strict=True)
+        ),
     )
 
 

@@ -203,6 +203,7 @@ def test_a_heartbeat_that_nobody_supervises_is_found_by_probe_and_by_watchdogs(b
     assert "'protections: {controller_heartbeat: consumer_heartbeat}' into profile virtual-drive" in told["cure"]
     bench.passed_before("watchdogs")
     ran = bench.step("watchdogs")
+    assert ran.exit_code == 0, ran
     assert [one["acted"] for one in ran.json["trials"]] == [True, False, True], ran
     (finding,) = ran.json["findings"]
     assert "controller_heartbeat: consumer_heartbeat" in finding["cure"]

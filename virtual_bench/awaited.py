@@ -21,9 +21,13 @@ class Awaited:
         self._lost = 0
         self._in_vain = 0
 
+    def take_back(self, come: int) -> bool:
+        """Look whether something that was given up has come after all, and wait again for what follows it."""
+        late, self._late = self._late, min(self._late, max(self._sent - self._lost - come, 0))
+        return self._late < late
+
     def missing(self, sent: int, come: int) -> bool:
         """Tell whether something is to be waited for; both are counted from the beginning."""
-        self._late = min(self._late, max(self._sent - self._lost - come, 0))
         return sent > come + self._late + self._lost
 
     def give_up(self, sent: int, come: int) -> None:

@@ -211,9 +211,18 @@ class VirtualBench:
 
     def missing(self, message: ToBench) -> bool:
         """Tell whether something that was sent before a message is not there yet and may still come."""
+        self._take_back()
         reachable = (self.can.connected, *(server.reachable for server in self.servers.values()))
         rows = zip(self._awaited, self._sent(message), self._come(), reachable, strict=True)
         return any(one.missing(sent, come) and there for one, sent, come, there in rows)
+
+    def _take_back(self) -> None:
+        """Answer a request that was given up and has come at once: its device may take no other one before that."""
+        frames, *requests = zip(self._awaited, self._come(), strict=True)
+        frames[0].take_back(frames[1])
+        for (one, come), server in zip(requests, self.servers.values(), strict=True):
+            if one.take_back(come):
+                server.answer_waiting()
 
     def give_up(self, message: ToBench) -> None:
         """Do without what is missing."""

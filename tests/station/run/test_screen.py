@@ -154,7 +154,7 @@ def test_what_the_drive_says_stands_with_its_alarms() -> None:
         assert ("emergency code 0x7121: motor blocked" in text) == (fault.id in DRIVE_ALARMS)
     alarms = [replace(named("late", "quick_stop"), detail="emergency code 0x7121: motor blocked; check the unit")]
     (line,) = alarm_lines(result(alarms=alarms))
-    assert line.plain.endswith("mend late. emergency code 0x7121: motor blocked; check the unit")
+    assert line.plain.endswith("mend late. Emergency code 0x7121: motor blocked; check the unit")
 
 
 def test_every_alarm_that_an_emergency_code_explains_is_one() -> None:

@@ -178,7 +178,7 @@ def _non_negative(columns: FloatArray, torque_nm: FloatArray, allowed: BoolArray
     try:
         found, _ = optimize.nnls(columns[:, allowed] / scale, torque_nm)
     except (RuntimeError, ValueError) as error:
-        raise AnalysisError(f"model {NAME}: the fit fails on this loop: {error}; look at the loop") from error
+        raise AnalysisError(f"model {NAME}: the fit fails on this loop: {error}; check the measured loop") from error
     stiffness = np.zeros(columns.shape[1])
     stiffness[allowed] = found / scale
     return stiffness

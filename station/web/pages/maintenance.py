@@ -49,7 +49,7 @@ BUTTONS = {
 }
 """The actions of the recovery, as the page offers them."""
 
-NOBODY_SAW = "Nobody saw what the bench did after that: treat the unit as wound up."
+NOBODY_SAW = "What the bench did after that is not recorded. Treat the unit as wound up: keep clear of its shafts."
 
 
 def add_maintenance(station: Station) -> None:

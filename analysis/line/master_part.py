@@ -81,7 +81,7 @@ def master_part_trend(
     if when.size != row.size:
         raise AnalysisError(f"master part: {when.size} days for {row.size} values; expected one day for each value")
     if (np.diff(when) < 0.0).any() or when[-1] <= when[0]:
-        raise AnalysisError("master part: the days are not in order; sort the measurements by time")
+        raise AnalysisError("master part: the days do not rise; sort the measurements by time")
     if not LEAST_BASELINE <= baseline <= row.size:
         raise AnalysisError(
             f"master part: baseline of {baseline} in {row.size} values; expected {LEAST_BASELINE} or more to begin with"

@@ -66,7 +66,9 @@ def address_of(data: Path, name: str) -> Address:
         return runs[fitting[0]]
     if not fitting:
         raise ArchiveError(f"{name}: no such run in the archive of {data}. See 'lostmotion archive status'")
-    raise ArchiveError(f"{name}: fits {len(fitting)} archived runs: {', '.join(fitting[:8])}. Write more of the id")
+    raise ArchiveError(
+        f"{name}: fits {len(fitting)} archived runs: {', '.join(fitting[:8])}. Give more characters of the id"
+    )
 
 
 def archived_files(place: Place, address: Address) -> list[ArchivedFile]:

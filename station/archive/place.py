@@ -21,7 +21,7 @@ from station.records.archive_note import SETTINGS
 from station.records.seal import fingerprint
 
 INCOMING = "incoming"
-INSTALL = "Install them: pip install 'lostmotion[plant]'"
+INSTALL = "Install with: pip install 'lostmotion[plant]'"
 CHUNK_BYTES = 1 << 20
 CONNECT_S, READ_S, TRIES = 5, 60, 3
 

@@ -36,7 +36,9 @@ def opcua_serve(
     data: DataOption = DEFAULT_DATA,
     install_unit: Annotated[
         Path | None,
-        typer.Option("--install-unit", metavar="DIR", help="Do not serve: write a systemd unit for this folder."),
+        typer.Option(
+            "--install-unit", metavar="DIR", help="Write a systemd unit for this folder into DIR, and do not serve."
+        ),
     ] = None,
 ) -> None:
     """Serve states, live values and results by OPC UA, as opcua.yaml in the data folder says. Runs go on without it."""

@@ -73,7 +73,7 @@ ACTIONS: dict[str, Action] = {
                bench.leave_recovery, RecoveryTold, seen.recovery, ("recovery",), reaches_out=True),
         Action("begin_jog", "begin a jog: open the bench, drive off", IN_CHARGE, NewJog, jog.begin_jog, JogBegun,
                seen.jog, ("model", "speed"), tells=("bench",), reaches_out=True),
-        Action("hold_jog", "hold the key of a direction: with the enabling device pressed the shaft turns", IN_CHARGE,
+        Action("hold_jog", "hold a direction key: the shaft turns while the enabling device is pressed", IN_CHARGE,
                KeyHeld, jog.hold_jog, Outcome, seen.jog, ("direction",)),
         Action("release_jog", "release the direction key of a jog: the shaft stops", IN_CHARGE, KeyReleased,
                jog.release_jog, Outcome, seen.jog, ("why",)),

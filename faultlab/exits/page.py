@@ -20,6 +20,7 @@ Stops by people, processes and links happen in a ramp, at more than {LOAD_NM:.0f
 - *peak*: largest torque in the reducer after the cause
 - *down*: time until the torque stays below {REST_SHARE_OF_RATED:.0%} of rated torque
 - *low*: time until the torque stays below {LOW_SHARE_OF_RATED:.0%} of rated torque
+- *bound*: limit for *low*; for *down* where friction holds a rest
 - *rest*: torque that is left in the unit at the end
 - *lock*: state of the lock at the end, and the torque in the reducer when the lock was told to open
 

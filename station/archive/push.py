@@ -138,7 +138,7 @@ def _ready(data: Path, chain: Chain, note: Note, left_out: list[LeftOut]) -> Ite
         except StationError as error:
             altered = (str(error),)
         if altered:
-            left_out.append(LeftOut(name, f"is not as it was sealed: {altered[0]}. Restore it from a backup"))
+            left_out.append(LeftOut(name, f"has changed since it was sealed: {altered[0]}. Restore it from a backup"))
         else:
             yield name, manifest
 

@@ -21,9 +21,10 @@ from station.records.run_record import RunRecord
 from station.records.seal import fingerprint
 
 KINDS = {
-    "missing": "Restore the object from a copy of the archive. Without one, run 'lostmotion archive push'",
-    "changed": "Restore the object from a copy of the archive. "
-    "Without one, delete it and run 'lostmotion archive push'",
+    "missing": "Restore the object from a copy of the archive. Without one, delete its line in archive.jsonl and "
+    "run 'lostmotion archive push'",
+    "changed": "Restore the object from a copy of the archive. Without one, delete it and its line in archive.jsonl, "
+    "then run 'lostmotion archive push'",
     "run": "Check the run here with 'lostmotion verify'. Then replace the wrong copy from a backup",
     "elsewhere": "Write the URL of that archive into archive.yaml, or copy its objects to this one",
     "strange": "No run here belongs to this object. Move it to another place",

@@ -200,8 +200,8 @@ def files_in(file: pq.ParquetFile, group: int, place: str) -> list[ArchivedFile]
 
 
 REPLACE = (
-    "This archive object was changed or damaged. Restore it from a copy of the archive. Without one, delete it and run "
-    "'lostmotion archive push' while its runs are on this computer"
+    "This archive object was changed or damaged. Restore it from a copy of the archive. Without one, delete it and "
+    "its line in archive.jsonl, then run 'lostmotion archive push' while its runs are on this computer"
 )
 """What a person does about an object that is not as it was written."""
 

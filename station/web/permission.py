@@ -48,6 +48,7 @@ class Situation:
 
     release: the released revision that the recipe is, letter by letter; None where its text is not released.
     previous_step: what the MES says of the unit; None where the plant has set up no MES.
+    label: which label is not on its unit yet, in words; '' where none is awaited.
     """
 
     data: Path
@@ -63,6 +64,7 @@ class Situation:
     previous_step: PreviousStep | None = None
     scanner_tested: bool = True
     jogging: bool = False
+    label: str = ""
 
     @property
     def is_master_part(self) -> bool:
@@ -97,11 +99,11 @@ class Condition(NamedTuple):
 
 def situation_of(
     data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str],
-    previous_step: PreviousStep | None = None, scanner_tested: bool = True,
+    previous_step: PreviousStep | None = None, scanner_tested: bool = True, label: str = "",
 ) -> Situation:  # fmt: skip
     """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says.
 
-    scanner_tested: whether the test code was read rightly this shift, or need not be.
+    scanner_tested: whether the test code was read rightly this shift, or need not be. label: which one is awaited.
     """
     model, job, why, release = models.of(wanted.serial), None, "", None
     if model is not None:
@@ -117,7 +119,7 @@ def situation_of(
     bad = unconfirmed(data, confirmed)
     return Situation(
         data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
-        jogging=jog_is_on(data),
+        jogging=jog_is_on(data), label=label,
     )  # fmt: skip
 
 
@@ -230,6 +232,10 @@ def _bad_unit_put_away(one: Situation) -> str | None:
     return f"{bad} Put it into the NOK box and confirm that."
 
 
+def _label_read(one: Situation) -> str | None:
+    return one.label or None
+
+
 def _attempts_left(one: Situation) -> str | None:
     if one.model is None or one.is_master_part or _measured(one) < one.model.attempts:
         return None
@@ -322,6 +328,7 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
     Condition("recipe_released", "a second person has released this text of the recipe", _recipe_released),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
+    Condition("label_read", "the label of the last unit was read back on it", _label_read, may_be_bypassed=True),
     Condition(
         "attempts_left", "the unit was measured fewer times than its model allows", _attempts_left, may_be_bypassed=True
     ),

@@ -74,7 +74,7 @@ class Situation:
     def run_options(self) -> list[str]:
         """Return recipe, bench and virtual unit as `lostmotion run` takes them: the recipe's file as it was judged."""
         if self.model is None or self.job is None:
-            raise StationError("there is no recipe to run: the start conditions are not met")
+            raise StationError("the start conditions are not met, so no recipe is chosen. Scan the unit again")
         model, (recipe, named) = self.model, self.likely
         bench = ["--bench", named] if named else []
         # What was judged is what runs: the files are read again by the process of the run.
@@ -178,7 +178,7 @@ def _model_known(one: Situation) -> str | None:
         half, rest = one.wanted.serial[: len(one.wanted.serial) // 2], one.wanted.serial[len(one.wanted.serial) // 2 :]
         if half != rest or not one.model.fits(half):
             return None
-        return f"The code was read twice in one: '{half}' and '{rest}'. Scan the unit again."
+        return f"The scanner sent two codes as one: '{half}' and '{rest}'. Scan the unit again."
     return (
         f"No model has serial numbers like '{one.wanted.serial}'. Scan the label of the unit, or call the technician."
     )
@@ -303,16 +303,19 @@ def _clock_plausible(one: Situation) -> str | None:
     except (StationError, ValueError):
         newest = None
     if now < EARLIEST or (newest is not None and newest > now + SLACK):
-        return f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before the newest run. Set the clock."
+        return (
+            f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before the newest run. Call the technician "
+            "to set the clock."
+        )
     return None
 
 
 CONDITIONS: tuple[Condition, ...] = (
     Condition("bench_free", "no run and no jog is in progress", _bench_free),
-    Condition("model_known", "the serial number is one of a known model", _model_known),
+    Condition("model_known", "the serial number belongs to a known model", _model_known),
     Condition(
         "scanner_tested",
-        "the test code was read as it is printed, once a shift",
+        "the scanner read the test code correctly in this shift",
         _scanner_tested,
         may_be_bypassed=True,
     ),
@@ -323,15 +326,15 @@ CONDITIONS: tuple[Condition, ...] = (
         may_be_bypassed=True,
     ),
     Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
-    Condition("recipe_released", "a second person has released the recipe as it is", _recipe_released),
+    Condition("recipe_released", "a second person has released this text of the recipe", _recipe_released),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
     Condition("label_read", "the label of the last unit was read back on it", _label_read, may_be_bypassed=True),
     Condition(
-        "attempts_left", "the unit was not measured as often as its model allows", _attempts_left, may_be_bypassed=True
+        "attempts_left", "the unit was measured fewer times than its model allows", _attempts_left, may_be_bypassed=True
     ),
     Condition(
         "retest_reason",
-        "a unit that was measured before has a reason to be measured again",
+        "a reason is given if the unit was measured before",
         _retest_reason,
         may_be_bypassed=True,
     ),

@@ -151,7 +151,7 @@ def serve(served: Served) -> None:
             scheme = "http" if served.certificate is None else "https"
             print(f"station  {scheme}://{served.host}:{port}/", flush=True)  # noqa: T201 - what a person needs
             if password is not None:
-                print(f"log in   admin, password {password} (good for choosing your own)", flush=True)  # noqa: T201
+                print(f"log in   admin, password {password} (choose your own at the first log-in)", flush=True)  # noqa: T201
             config = uvicorn.Config(
                 application(station, served, port), log_level="warning", access_log=False,
                 ssl_certfile=served.certificate, ssl_keyfile=served.key, server_header=False,

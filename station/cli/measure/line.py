@@ -36,7 +36,7 @@ ENDINGS = {0: "PASS", 1: "FAIL", 3: "NOT DECIDABLE"}
 DO = {
     "PASS": "Scan the next unit.",
     "FAIL": f"Put the unit into the NOK box and scan its code, or type {NOK}.",
-    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and say why.",
+    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and give the reason.",
 }
 ELSE = "Call the technician to the bench."
 READ_BYTES = 4096

@@ -150,7 +150,7 @@ def add_run_table(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoint of the table of runs; as `add_runs`."""
 
     @app.get(
-        "/api/runs.csv", summary="runs with their metrics, oldest first, a row a run, as 'lostmotion runs --csv' writes",
+        "/api/runs.csv", summary="runs with their metrics, oldest first, a row a run, as a table for a spreadsheet",
         tags=["runs"], **answers(200, 401, 403, 422, 503),
     )  # fmt: skip
     def table(  # noqa: PLR0917 - every one is named in the address

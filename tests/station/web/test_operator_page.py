@@ -155,6 +155,10 @@ def test_what_was_measured_is_found_with_its_report(station: Served, page: playw
         page.wait_for_selector(f"{rows}:has-text('SN-4')", state="detached")
         # A row that stays is the same element: a click on it is not lost while an answer comes.
         page.wait_for_selector(f"{rows}[data-seen*='BAD-1'] .lm-bad:has-text('FAIL')")
+        with page.expect_download() as asked:
+            page.click("text=These runs with their metrics, as CSV")
+        assert "BAD-1" in Path(asked.value.path()).read_text("utf-8"), "what is looked for, as a table"
+        assert "SN-4" not in Path(asked.value.path()).read_text("utf-8")
         address = page.wait_for_selector('a[aria-label^="report of BAD-1"]').get_attribute("href")
         page.goto(f"{station.url}{address}")
         assert "BAD-1" in page.inner_text("main")

@@ -56,7 +56,7 @@ def drive_torque_gap(found: Measured) -> Reading | str:
     of the unit, which is in both torques, is no gap: it is taken off.
     """
     if found.method.loading == "output":
-        return "not measured: friction in the load servo's gearbox looks like a lag"
+        return "not possible with loading 'output': friction in the gearbox of the load servo looks like a lag"
     worst = 0.0
     for pair in found.pairs:
         differences, spans = [], []

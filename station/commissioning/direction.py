@@ -182,7 +182,7 @@ def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scale_of: ScaleOf
             cure = "Turn the sign of its scale."
             if scale is not None:
                 cure = f"Write 'scale: {-scale.value!r}' for {scale.place}; it is {scale.value!r} now."
-            yield Finding(what=f"{channel} counts the wrong way.", cure=cure)
+            yield Finding(what=f"{channel} counts in the wrong direction.", cure=cure)
 
 
 def _amounts(seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:

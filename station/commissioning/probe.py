@@ -203,7 +203,7 @@ def _of_device(name: str, device: ModbusDevice, oldest: int) -> list[Finding]:
     if not device.replies:
         return [
             Finding(
-                what=f"{where}: no reply to its block.",
+                what=f"{where}: no reply to the request for its registers.",
                 cure="Compare table, address and count in the profile with the device's manual.",
             )
         ]

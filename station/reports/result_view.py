@@ -123,7 +123,7 @@ def pace_text(pace: Pace) -> str:
         return "no period stretched"
     periods = "1 period" if stretched == 1 else f"{stretched} periods"
     total_ms, longest_ms = 1e3 * pace.stretched_s, 1e3 * pace.longest_s
-    return f"{periods} stretched by {total_ms:.0f} ms in all, {longest_ms:.0f} ms at most"
+    return f"{periods} stretched: {total_ms:.0f} ms in total, {longest_ms:.0f} ms at most"
 
 
 def proof_of(result: Result) -> Timing | None:

@@ -186,7 +186,7 @@ def steps(standing: Standing, sight: Sight | None) -> tuple[StepRow, ...]:
         StepRow("Begin. The devices are read; the drive stays off and the lock stays as it is.",
                 DONE if begun or over else IN_HAND),
         StepRow("Make the bench safe, and remove the cause.", checked, seen),
-        StepRow("Say that all is checked. Keep clear: the shaft turns.",
+        StepRow("Confirm that all is checked. Keep clear: the shaft turns.",
                 DONE if acknowledged else IN_HAND if begun and sight is not None and sight.settled else TO_COME),
         StepRow("The torque is brought to zero behind the closed lock.",
                 DONE if unloaded else IN_HAND if loaded else TO_COME),

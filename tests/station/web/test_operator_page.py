@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,7 @@ from axe_playwright_python.sync_playwright import Axe
 from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
 
-from station.web.pages.frame import PAGES
+from station.web.pages.frame import PAGES, SESSION_EVERY_S
 from station.web.people.badges import assign_badge
 from station.web.people.database import StationDatabase
 from station.web.scanner_test import AS_GERMAN
@@ -198,6 +199,15 @@ def test_axe_finds_nothing_serious_on_any_page(station: Served, enter: Enter) ->
 
 
 def test_nobody_sees_the_bench_after_the_end_of_a_session(station: Served, page: playwright.Page) -> None:
+    asked = []
+
+    def slowly(route: playwright.Route) -> None:
+        asked.append(route.request.url)
+        time.sleep(2.0 * SESSION_EVERY_S)  # a busy computer: a page that asks again meanwhile breaks its own way off
+        route.continue_()
+
+    page.route("**/enter", slowly)
     with closing(sqlite3.connect(Path(station.data) / "station.sqlite3")) as database, database:
         database.execute("UPDATE sessions SET ends_s = 0")
     page.wait_for_url("**/enter")
+    assert len(asked) == 1

@@ -138,6 +138,7 @@ class _Page:
             self._refused.set_visibility(False)  # it was said of what is over now
         self._shown = what
         shown = _shown(now)
+        to_do = now.to_do if shown in VERDICTS.values() and now.to_do else shown.to_do
         self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         about = "  ".join(
@@ -146,7 +147,7 @@ class _Page:
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
-            f'<div class="lm-do">{escape(self._words(state or shown.to_do))}</div>'
+            f'<div class="lm-do">{escape(self._words(state or to_do))}</div>'
         )
         self._why.set_content(_why(now, self._words))
 

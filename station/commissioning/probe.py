@@ -15,9 +15,9 @@ from drivers.can.sensor_setup import compare_sensor
 from drivers.modbus.device import ModbusDevice
 from drivers.servo_drive.cia402 import decode_state
 from drivers.servo_drive.comparison import Compared, compare_drive
-from drivers.servo_drive.objects import missing_protections
 from drivers.servo_drive.sdo import SdoFailure, SdoNode
 from drivers.servo_drive.units import drive_units
+from drivers.servo_drive.unused import missing_on
 from station.commissioning.can_looks import CanLooks, values_of
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, pause
 from station.documents.commissioning import Figure, Finding
@@ -68,8 +68,10 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     try:
         refuse_other_controller(link, wires.drive)
         objects = compare_drive(link, wires.drive, PERIOD_NS)
+        answers = not any(one.outcome == "no answer" for one in objects)
+        missing = missing_on(link, wires.drive) if answers else []
         of_sensors = [(sensor, compare_sensor(link, sensor)) for sensor in wires.can_sensors]
-        live = [] if any(one.outcome == "no answer" for one in objects) else _drive_values(link, bench)
+        live = _drive_values(link, bench) if answers else []
     finally:
         link.close()
     by_hand, frames = ByHand(wires), CanLooks(wires)
@@ -108,15 +110,9 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     for problem in frames.problems():
         what = f"{problem.where}: {problem.what}: found {problem.found}, expected {problem.expected}"
         findings.append(Finding(what=what, cure=_sentence(problem.next_step)))
-    lacking = [f"{row.meaning} ({row.objects})" for row in missing_protections(wires.drive.profile)]
-    findings += [
-        Finding(
-            what=f"The profile says that the drive has no {what}.",
-            cure="Compare the profile with the drive's manual.",
-            refuses=False,
-        )
-        for what in lacking
-    ]
+    profile = wires.drive.profile.profile.name
+    findings += [Finding(what=one.what, cure=one.cure(profile), refuses=False) for one in missing]
+    lacking = [f"{one.protection.meaning} ({one.protection.objects})" for one in missing]
     counts = [
         Figure(name=f"objects {one}", value=sum(row.outcome == one for row in objects)) for one in _outcomes(objects)
     ]
@@ -188,7 +184,7 @@ def _of_device(name: str, device: ModbusDevice, oldest: int) -> list[Finding]:
     if not device.replies:
         return [
             Finding(
-                what=f"{where}: no reply to its block.",
+                what=f"{where}: no reply to the request for its registers.",
                 cure="Compare table, address and count in the profile with the device's manual.",
             )
         ]

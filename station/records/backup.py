@@ -80,7 +80,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     if file.exists():
-        raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
+        raise StationError(f"{file}: exists already and is never overwritten. Choose another name")
     if file.resolve().is_relative_to(data.resolve()):
         raise StationError(f"{file}: is inside the data folder. Choose a place on another disk")
     _refuse_while_on(data)
@@ -188,7 +188,7 @@ def restore(file: Path, data: Path) -> Kept:
 
     """
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
-        raise StationError(f"--data {data}: is not empty. Restore into a new folder: nothing is written over")
+        raise StationError(f"--data {data}: is not empty. Name a new folder: files are never overwritten")
     data.parent.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=f".{data.name}.", dir=data.parent))
     try:
@@ -230,8 +230,8 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
                     raise RecordError(
-                        f"{file}: {entry.name}: found no file, or a file after {LIST}; it is not a backup. Take "
-                        "another file"
+                        f"{file}: {entry.name}: is not part of a backup. Name a file that 'lostmotion store backup' "
+                        "wrote"
                     )
                 if entry.name == LIST:
                     listed = document_in(FileList, content.read(), file / LIST)
@@ -244,7 +244,7 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
     if listed is None:
         raise RecordError(f"{file}: has no {LIST} at its end: it was cut short. Take another backup")
     if listed.format != FORMAT:
-        raise RecordError(f"{file}: found format {listed.format}; this program reads {FORMAT}. Use a newer one")
+        raise RecordError(f"{file}: found format {listed.format}; this program reads {FORMAT}. Use a newer lostmotion")
     wanted = {row.path: (row.bytes, row.sha256) for row in listed.files}
     wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     if wrong:

@@ -14,10 +14,11 @@ from sqlalchemy.pool import StaticPool
 
 from station.errors import StationError
 from station.store.places import StorePlace
-from station.store.tables import METADATA
+from station.store.plant.months import make_rest
+from station.store.tables import METADATA, RUNS
 
 ACTION = "Check that the database runs and that this user may write it"
-HEAD = "0005"
+HEAD = "0006"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"
@@ -27,6 +28,9 @@ _VERSION = Table(VERSIONS, MetaData(), Column("version_num", String(32), primary
 IN_MEMORY = "sqlite://"
 BUSY_S = 3.0
 """How long another writer, or a server that does not answer, is waited for."""
+
+FEW_RUNS = 5_000
+"""Runs up to which a store of an older version is brought to this one by whoever opens it: some seconds."""
 
 ONE_AT_A_TIME = 7_362_514_220
 """Number of the advisory lock by which writers on PostgreSQL take turns."""
@@ -39,14 +43,17 @@ class StoreError(StationError):
 class Database:
     """One open database."""
 
-    def __init__(self, place: StorePlace) -> None:
+    def __init__(self, place: StorePlace, *, may_take_long: bool = False) -> None:
         """Open a database and bring its tables to this version.
 
+        may_take_long: also those of an older version that hold more than `FEW_RUNS`.
+
         Raises:
-            StoreError: it cannot be opened, or is of a newer version.
+            StoreError: it cannot be opened, is of a newer version, or is older and too big to be waited for.
 
         """
         self.place = place
+        self._may_take_long = may_take_long
         with _told(place):
             self._engine = _engine(place.url)
             self._migrate()
@@ -83,6 +90,8 @@ class Database:
             if version is None:
                 _make_tables(connection)
             else:
+                if not self._may_take_long:
+                    _refuse_long(connection, self.place, version)
                 upgrade(connection, self.place, version)
 
 
@@ -95,8 +104,20 @@ def _version(connection: Connection) -> str | None:
 def _make_tables(connection: Connection) -> None:
     """Make the tables of a new store as they are now; a table that is there already is an error, and not taken over."""
     METADATA.create_all(connection, checkfirst=False)
+    make_rest(connection)
     _VERSION.create(connection)
     connection.execute(insert(_VERSION).values(version_num=HEAD))
+
+
+def _refuse_long(connection: Connection, place: StorePlace, version: str) -> None:
+    if not inspect(connection).has_table(RUNS.name):
+        return
+    beyond = text(f"SELECT 1 FROM {RUNS.name} LIMIT 1 OFFSET {FEW_RUNS}")  # noqa: S608 - constants
+    if connection.execute(beyond).first() is not None:
+        raise StoreError(
+            f"{place.shown}: has tables of version {version} with more than {FEW_RUNS} runs, and bringing them to "
+            f"version {HEAD} takes minutes, which no run waits for. Do it with 'lostmotion store rebuild'"
+        )
 
 
 def upgrade(connection: Connection, place: StorePlace, version: str | None) -> None:

@@ -1,24 +1,37 @@
-"""One metric over the runs of a store: every concluded run that is asked for, and what it has of the metric.
+"""One metric over the runs of a store: the runs that count, what they have of the metric, and the runs that do not.
 
-A row says all of a run and of the side that the verdict goes by; of the other sides nothing but values is read.
+Which runs count the database says: of those that do not there are few, and only of them is read why. A row says what
+is asked of a run and of the side that the verdict goes by; of the other sides nothing but values is read.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator
-from itertools import groupby
-from operator import itemgetter
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from sqlalchemy import select
+from sqlalchemy import ColumnElement, Select, and_, func, select
 
+from station.store.projection import COMPLETE
+from station.store.stored_runs import is_trusted
 from station.store.tables import METRICS, RUNS
 from station.store.view import View
 
 
+class RunThatDoesNotCount(NamedTuple):
+    """What there is against a run, or that it is of a master part; the names are those of the columns."""
+
+    run: str
+    recipe: str
+    state: str
+    altered: str
+    key: str | None
+    objection: str
+    master: str
+
+
 class MetricRow(NamedTuple):
-    """A metric of a run by the side that its verdict goes by, with what is known of the run.
+    """A metric of a run that counts by the side that its verdict goes by, with what is known of the run.
 
     `position` is None where the run has no such metric.
 
@@ -27,10 +40,6 @@ class MetricRow(NamedTuple):
 
     run: str
     serial: str
-    state: str
-    altered: str
-    key: str | None
-    objection: str
     recipe: str
     revision: int
     bench: str
@@ -38,7 +47,6 @@ class MetricRow(NamedTuple):
     operator: str | None
     scenario: str | None
     virtual: bool
-    master: str
     torque_source: str
     position: int | None
     side: str
@@ -61,20 +69,54 @@ OF_THE_RUN = MetricRow._fields[: MetricRow._fields.index("position")]
 
 
 def metric_rows(view: View, metric: str, recipe: str | None, serial: str | None) -> Iterator[list[MetricRow]]:
-    """Yield the rows of every concluded run that is asked for, oldest first."""
+    """Yield the rows of every run that counts and is asked for, oldest first."""
     together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run) & (METRICS.c.metric == metric)
     columns = [(RUNS if name in OF_THE_RUN else METRICS).c[name] for name in MetricRow._fields]
     asked = select(*columns).select_from(RUNS).outerjoin(METRICS, together & METRICS.c.main)
+    asked = _meant(asked, view, recipe, serial).where(_counts(view, serial))
+    # By the run alone, in which the rows lie already; those of one run are put in order here.
+    with view.database.reading() as connection:
+        rows = connection.execute(asked.order_by(RUNS.c.run)).all()
+    group: list[MetricRow] = []
+    for row in map(MetricRow._make, rows):
+        if group and group[0].run != row.run:
+            yield group if len(group) == 1 else sorted(group, key=_position)
+            group = []
+        group.append(row)
+    if group:
+        yield sorted(group, key=_position)
+
+
+def runs_that_do_not_count(view: View, recipe: str | None, serial: str | None) -> list[RunThatDoesNotCount]:
+    """Return the concluded runs that are asked for and do not count, oldest first."""
+    asked = _meant(select(*(RUNS.c[name] for name in RunThatDoesNotCount._fields)), view, recipe, serial)
+    asked = asked.where(~_counts(view, serial)).order_by(RUNS.c.run)
+    with view.database.reading() as connection:
+        return [RunThatDoesNotCount._make(row) for row in connection.execute(asked).tuples()]
+
+
+def _meant(asked: Select[Any], view: View, recipe: str | None, serial: str | None) -> Select[Any]:
     asked = asked.where(RUNS.c.chain == view.chain.id)
     if recipe is not None:
         asked = asked.where(RUNS.c.recipe.in_((recipe, "")))  # '' is that of a run.json that cannot be read
-    if serial is not None:
-        asked = asked.where(RUNS.c.serial == serial)
-    asked = asked.order_by(RUNS.c.run, METRICS.c.position)
-    with view.database.reading() as connection:
-        rows = connection.execute(asked).all()
-    for _, group in groupby(map(MetricRow._make, rows), key=itemgetter(0)):
-        yield list(group)
+    return asked if serial is None else asked.where(RUNS.c.serial == serial)
+
+
+def _counts(view: View, serial: str | None) -> ColumnElement[bool]:
+    """Return the condition that a run counts, as far as the store knows it; a master part does where it is named."""
+    unsigned = [""] if is_trusted(None, view.chain, view.trust) else []
+    found = and_(
+        RUNS.c.recipe != "",
+        RUNS.c.state == COMPLETE,
+        RUNS.c.altered == "",
+        RUNS.c.objection == "",
+        func.coalesce(RUNS.c.key, "").in_([*view.trust.keys, *unsigned]),
+    )
+    return found if serial is not None else and_(found, RUNS.c.master == "")
+
+
+def _position(row: MetricRow) -> int:
+    return -1 if row.position is None else row.position
 
 
 Place = tuple[str, int | None]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict
 
 from sqlalchemy import Connection, Table, delete, insert
@@ -23,6 +23,9 @@ from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import alterations, is_sealed, sealed_names
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
+from station.store.plant.hours import count_hours, hour_of, hours_of
+from station.store.plant.months import make_months
+from station.store.plant.retests import note_retests, serials_of
 
 MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
@@ -67,28 +70,48 @@ def rows_of(run: RunRecord, chain: Chain) -> Rows:
 
 def put_rows(connection: Connection, chain: str, found: Mapping[str, Rows]) -> None:
     """Put the rows of runs in the place of those that these runs have."""
-    remove_rows(connection, chain, list(found))
+    hours, serials = _removed(connection, chain, list(found))
     together: Rows = {}
     for rows in found.values():
         for table, content in rows.items():
             together.setdefault(table, []).extend(content)
+    make_months(connection, found)
     for table, content in together.items():
         if table in NOT_ONES_OWN:
             _put_missing(connection, table, content)
         elif content:
             connection.execute(insert(table), content)
+    came = together.get(tables.RUNS, [])
+    _bring_up_plant(
+        connection,
+        chain,
+        hours.union(str(row["hour"]) for row in came),
+        serials.union(str(row["serial"]) for row in came),
+    )
 
 
 def remove_rows(connection: Connection, chain: str, runs: Sequence[str] | None = None) -> None:
     """Remove the rows of runs; None: of a whole chain, with what its runs share."""
-    tables_of = tables.METADATA.sorted_tables if runs is None else tables.OF_A_RUN
-    for table in tables_of:
+    if runs is not None:
+        _bring_up_plant(connection, chain, *_removed(connection, chain, runs))
+        return
+    for table in tables.METADATA.sorted_tables:
+        connection.execute(delete(table).where(table.c.chain == chain))
+
+
+def _bring_up_plant(connection: Connection, chain: str, hours: Collection[str], serials: Collection[str]) -> None:
+    count_hours(connection, chain, hours)
+    note_retests(connection, chain, serials)
+
+
+def _removed(connection: Connection, chain: str, runs: Sequence[str]) -> tuple[set[str], set[str]]:
+    """Remove the rows of runs; return the hours that must be counted anew, and the serial numbers looked at."""
+    hours, serials = hours_of(connection, chain, runs), serials_of(connection, chain, runs)
+    for table in tables.OF_A_RUN:
         gone = delete(table).where(table.c.chain == chain)
-        if runs is None:
-            connection.execute(gone)
-            continue
         for begin in range(0, len(runs), MOST_AT_ONCE):
             connection.execute(gone.where(table.c.run.in_(runs[begin : begin + MOST_AT_ONCE])))
+    return hours, serials
 
 
 def _put_missing(connection: Connection, table: Table, content: list[Row]) -> None:
@@ -188,6 +211,8 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "seen_files": seen_files(run),
         "in_production": not (master or manifest.scenario or altered),
         "valid": said["state"] == COMPLETE and not (objected or altered),
+        "hour": hour_of(manifest.started),
+        "again": False,
     }
 
 
@@ -208,6 +233,8 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
             "virtual": False,
             "in_production": False,
             "valid": False,
+            "hour": "",
+            "again": False,
             "altered": text,
             "seen": seen(f"{run.folder}/{MANIFEST}"),
         }

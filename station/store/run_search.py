@@ -10,14 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sqlalchemy import func, select
+from sqlalchemy import select
 
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.records.run_record import MANIFEST, RunRecord
 from station.store.outbox import catch_up, put_runs
 from station.store.projection import seen, seen_files
-from station.store.stored_runs import StoredRun, Wanted, believed, meant, runs_named, values_of
+from station.store.stored_runs import StoredRun, Wanted, believed, meant, number_of, runs_named, values_of
 from station.store.tables import RUNS
 from station.store.view import opened
 
@@ -59,7 +59,7 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
         ids = ids.offset(first).limit(min(count, MOST_ROWS))
         with database.reading() as connection:
             named = list(connection.execute(ids).scalars())
-            total = connection.execute(meant(select(func.count()).select_from(RUNS), chain, wanted)).scalar_one()
+            total = number_of(connection, chain, wanted)
             recipes, models = (values_of(connection, chain, name) for name in ("recipe", "model"))
             rows = runs_named(connection, chain, named)
         now = {run: _seen_now(chain, run) for run in rows}

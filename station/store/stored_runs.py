@@ -12,7 +12,8 @@ from sqlalchemy import Connection, Select, func, select
 
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
-from station.store.tables import RUNS
+from station.store.plant.hours import between_hours, whole_hours
+from station.store.tables import RUN_HOURS, RUNS
 
 
 class StoredRun(NamedTuple):
@@ -48,6 +49,8 @@ class StoredRun(NamedTuple):
 MOST_NAMED = 500
 """Runs that one statement names: databases have limits. Of more all are read."""
 
+LAST_CHARACTER = "\U0010ffff"
+
 COLUMNS = [RUNS.c[name] for name in StoredRun._fields]
 
 
@@ -73,12 +76,27 @@ def meant(asked: Select[Any], chain: Chain, wanted: Wanted) -> Select[Any]:
         if value is not None:
             asked = asked.where(RUNS.c[name] == value)
     if wanted.begins:
-        asked = asked.where(RUNS.c.serial.startswith(wanted.begins, autoescape=True))
+        # As a range and not by LIKE, for which SQLite goes through all serial numbers.
+        asked = asked.where(RUNS.c.serial >= wanted.begins, RUNS.c.serial < wanted.begins + LAST_CHARACTER)
     if wanted.since is not None:
         asked = asked.where(RUNS.c.started >= wanted.since)
     if wanted.until is not None:
         asked = asked.where(RUNS.c.started < wanted.until)
     return asked
+
+
+def number_of(connection: Connection, chain: Chain, wanted: Wanted) -> int:
+    """Return how many concluded runs are meant: from the hours, where no serial number and no part of one is named."""
+    if wanted.serial is not None or wanted.begins or not whole_hours(wanted.since, wanted.until):
+        asked = meant(select(func.count()).select_from(RUNS), chain, wanted)
+    else:
+        asked = select(func.sum(RUN_HOURS.c.runs)).where(RUN_HOURS.c.chain == chain.id)
+        for name in ("model", "recipe", "verdict", "operator", "master"):
+            value = getattr(wanted, name)
+            if value is not None:
+                asked = asked.where(RUN_HOURS.c[name] == value)
+        asked = between_hours(asked, RUN_HOURS, wanted.since, wanted.until)
+    return int(connection.execute(asked).scalar() or 0)
 
 
 def is_trusted(key: str | None, chain: Chain, trust: Trust) -> bool:

@@ -7,19 +7,44 @@ from __future__ import annotations
 
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Column, Double, Index, Integer, MetaData, Table, Text, false
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    Column,
+    ColumnElement,
+    Double,
+    Index,
+    Integer,
+    MetaData,
+    Table,
+    false,
+    literal_column,
+)
+from sqlalchemy import Text as AnyText
 
 METADATA = MetaData()
 
+Text = AnyText().with_variant(AnyText(collation="C"), "postgresql")
+"""Texts are ordered by their characters, as Python does it, whatever the language of a server: months rely on it."""
 
-def _of_a_chain(name: str, *columns: Column[Any] | Index) -> Table:
+
+BY_MONTH = {"postgresql_partition_by": "RANGE (run)"}
+"""Of a table that PostgreSQL keeps in months: see `plant.months`."""
+
+
+def _of_a_chain(name: str, *columns: Column[Any] | Index, **options: Any) -> Table:
     # On SQLite the rows lie in the order of their key, so that those of a chain are read in one go.
-    return Table(name, METADATA, Column("chain", Text, primary_key=True), *columns, sqlite_with_rowid=False)
+    key = Column("chain", Text, primary_key=True)
+    return Table(name, METADATA, key, *columns, sqlite_with_rowid=False, **options)
 
 
-def _key(name: str, kind: type[Text | Integer] = Text) -> Column[Any]:
+def _key(name: str, kind: Any = Text) -> Column[Any]:
     return Column(name, kind, primary_key=True, autoincrement=False)
 
+
+OF_AGAIN: ColumnElement[bool] = literal_column("again")
+"""That a unit was measured again: the same word in the index and in what asks for it, or the index is not used."""
 
 PROJECTIONS = _of_a_chain(
     "projections",
@@ -100,6 +125,30 @@ RUNS = _of_a_chain(
     Column("seen_files", Text, nullable=False),
     Column("in_production", Boolean, nullable=False, server_default=false()),
     Column("valid", Boolean, nullable=False, server_default=false()),
+    Column("hour", Text, nullable=False, server_default=""),
+    Index("runs_hour", "chain", "hour"),
+    Column("again", Boolean, nullable=False, server_default=false()),
+    Index(
+        "runs_again",
+        "chain",
+        "in_production",
+        "virtual",
+        "serial",
+        "run",
+        "attempt",
+        "key",
+        "state",
+        "verdict",
+        "recipe",
+        "revision",
+        "model",
+        "bench",
+        "operator",
+        "started",
+        "hour",
+        sqlite_where=OF_AGAIN,
+        postgresql_where=OF_AGAIN,
+    ),
     Index("runs_recipe", "chain", "recipe"),
     Index("runs_serial", "chain", "serial"),
     Index("runs_model", "chain", "model"),
@@ -122,13 +171,16 @@ RUNS = _of_a_chain(
         "bench",
         "operator",
         "started",
+        "hour",
     ),
+    **BY_MONTH,
 )
 """Every run that was concluded. `altered` has a line for each alteration, and is '' for none.
 
 `master`: of a master part, the verdict that it should have; '' for a product.
 
 `in_production`: unaltered, of a product, without injected faults. `valid`: unaltered, complete, its measurement valid.
+`hour`: of its start, in UTC, as in 2026-01-31T06. `again`: its unit was measured more than once; see `plant.retests`.
 
 `seen`, `seen_files`: size, times and inode of the files that were compared. `runs_quality` holds all that statistics of
 a production ask of a run. The index `runs_search` holds all that runs
@@ -156,7 +208,8 @@ METRICS = _of_a_chain(
     Column("limit_min", Double),
     Column("limit_max", Double),
     Column("verdict", Text),
-    Index("metrics_metric", "chain", "metric", "run"),
+    Index("metrics_metric", "chain", "metric", "run", "side", "main", "position", "value"),
+    **BY_MONTH,
 )
 """Every side of every metric, with its limits and expanded uncertainty; `main` is the side that the verdict goes by.
 
@@ -172,6 +225,7 @@ CHECKS = _of_a_chain(
     Column("unit", Text),
     Column("passed", Boolean),
     Column("text", Text),
+    **BY_MONTH,
 )
 """Validity checks."""
 
@@ -218,6 +272,38 @@ ARCHIVED = _of_a_chain(
     Column("verified", Text, nullable=False),
 )
 """Where archived runs are: made again from `archive.jsonl` of the data folder. `sha256` is that of run.json."""
+
+RUN_HOURS = _of_a_chain(
+    "run_hours",
+    *(_key(name) for name in ("hour", "bench", "recipe")),
+    _key("revision", Integer),
+    *(_key(name) for name in ("model", "operator", "key", "state", "verdict", "master")),
+    *(_key(name, Boolean) for name in ("virtual", "in_production", "valid", "first")),
+    Column("runs", Integer, nullable=False),
+)
+"""How many runs began in an hour that have all of this in common; '' and -1 stand for what a run does not say.
+
+`first`: first attempts. `run_hours` and `metric_hours` are counted from the runs: see `plant.hours`.
+"""
+
+METRIC_HOURS = _of_a_chain(
+    "metric_hours",
+    *(_key(name) for name in ("metric", "hour", "bench", "recipe")),
+    _key("revision", Integer),
+    *(_key(name) for name in ("model", "operator", "key")),
+    _key("virtual", Boolean),
+    *(_key(name) for name in ("choices", "branch", "definition", "estimator", "band", "torque_nm", "unit", "side")),
+    Column("number", Integer, nullable=False),
+    Column("mean", Double, nullable=False),
+    Column("squares", Double, nullable=False),
+    Column("failed", Integer, nullable=False),
+    Index("metric_hours_hour", "chain", "hour"),
+)
+"""Values of one side of a metric in the first attempts of the production that began in an hour.
+
+`number`, `mean`, `squares`: of the values of valid runs, the last one the sum of squared differences from the mean.
+`failed`: of runs that failed, how often this failed in them.
+"""
 
 OF_A_RUN = (ATTEMPTS, RUNS, METRICS, CHECKS, ALARMS, CALIBRATIONS)
 """Tables with rows of single runs."""

@@ -89,12 +89,15 @@ def look_at(data: Path) -> Iterator[View]:
         database.close()
 
 
-def opened(data: Path) -> Database:
-    """Return the store of a data folder; StoreError where it cannot be used."""
+def opened(data: Path, *, may_take_long: bool = False) -> Database:
+    """Return the store of a data folder; StoreError where it cannot be used.
+
+    may_take_long: bring also a big store of an older version to this one, which takes minutes.
+    """
     place = store_place(data)
     if place.note:
         warn(place.note)
-    return Database(place)
+    return Database(place, may_take_long=may_take_long)
 
 
 def warn(text: str) -> None:

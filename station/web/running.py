@@ -240,7 +240,7 @@ class Running:
         try:
             lines = (self._data / OUTPUT).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         except OSError as error:
-            return f"the run did not start; {OUTPUT} cannot be read: {error.strerror}"
+            return f"the run did not start, and {OUTPUT}, which has the reason, cannot be read: {error.strerror}"
         return " ".join(lines[-3:]) or "the run did not start and gave no reason"
 
 

@@ -10,9 +10,12 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from station.errors import StationError
-from station.store.metric_rows import MetricRow, Place
+from station.store.metric_rows import MetricRow, Place, RunThatDoesNotCount
+from station.store.projection import COMPLETE
 from station.store.stored_runs import is_trusted
 from station.store.view import View
+
+MISSING = "whose folder is missing"
 
 
 class Kind(NamedTuple):
@@ -92,11 +95,10 @@ def kinds_of(metrics: Iterable[MetricRow]) -> Counter[Kind]:
     return Counter({Kind._make(kind): count for kind, count in counts.items()})
 
 
-def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> MetricRow | str:
-    """Return the metric that is asked for, whatever the side, or why the run is left out, in words.
+def read_metric(rows: list[MetricRow], ask: Ask) -> MetricRow | str:
+    """Return the metric of a run that is asked for, whatever the side, or why the run is left out, in words.
 
     Args:
-        view: the data folder.
         rows: of the run and the metric that is asked for.
         ask: which value is meant.
 
@@ -104,9 +106,7 @@ def read_metric(view: View, rows: list[MetricRow], ask: Ask) -> MetricRow | str:
         StationError: the metric stands in the run more than once.
 
     """
-    run = rows[0]
-    reason = _left_out(view, run) or ("of a master part" if run.master and ask.serial is None else "")
-    return reason or _metric(rows, ask) or f"without {ask.metric}"
+    return _metric(rows, ask) or f"without {ask.metric}"
 
 
 def value_of(metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) -> StoredValue | str:
@@ -123,17 +123,17 @@ def value_of(metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) 
     return "whose value could not be evaluated" if value is None else StoredValue(metric, value)
 
 
-def _left_out(view: View, run: MetricRow) -> str:
-    """Return why a run does not count; '' where it does."""
+def why_left_out(view: View, run: RunThatDoesNotCount) -> str:
+    """Return why a run does not count, in words."""
     if not run.recipe:
         return "damaged"
-    if run.state != "complete":
+    if run.state != COMPLETE:
         return f"that ended as {run.state}"
-    if view.missing and run.run in view.missing:
-        return "whose folder is missing"
+    if run.run in view.missing:
+        return MISSING
     if run.altered or not is_trusted(run.key, view.chain, view.trust):
         return "altered"
-    return "whose measurement was invalid" if run.objection else ""
+    return "whose measurement was invalid" if run.objection else "of a master part"
 
 
 def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:

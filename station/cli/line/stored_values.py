@@ -10,11 +10,20 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from station.cli.line.stored_metric import Ask, Kind, StoredValue, kinds_of, read_metric, value_of
+from station.cli.line.stored_metric import (
+    MISSING,
+    Ask,
+    Kind,
+    StoredValue,
+    kinds_of,
+    read_metric,
+    value_of,
+    why_left_out,
+)
 from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
-from station.store.metric_rows import MetricRow, Place, metric_rows, sides_of, values_beside
+from station.store.metric_rows import MetricRow, Place, metric_rows, runs_that_do_not_count, sides_of, values_beside
 from station.store.view import View, look_at, without_collector
 
 ATTEMPTS = ("first", "last", "all")
@@ -168,14 +177,19 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[Metr
     """Return the metric in every run that counts, oldest first, and why the other runs do not count."""
     left_out: Counter[str] = Counter()
     metrics: list[MetricRow] = []
+    missing = set(view.missing)
     for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial):
-        if only is not None and rows[0].run not in only:
+        run = rows[0].run
+        if only is not None and run not in only:
             continue
-        found = read_metric(view, rows, ask)
+        found = MISSING if run in missing else read_metric(rows, ask)
         if isinstance(found, str):
             left_out[found] += 1
         else:
             metrics.append(found)
+    for one in runs_that_do_not_count(view, ask.recipe, ask.serial):
+        if only is None or one.run in only:
+            left_out[why_left_out(view, one)] += 1
     for run in view.open:
         reason = _why_open(RunRecord(view.data / run), ask) if only is None or run in only else ""
         if reason:

@@ -35,7 +35,7 @@ def rebuild_store(data: Path, *, as_json: bool) -> int:
 
     """
     _refuse_no_folder(data)
-    database = opened(data)
+    database = opened(data, may_take_long=True)
     try:
         rebuild(database, Chain(data), told=_tell)
         with look_at(data):

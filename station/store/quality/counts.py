@@ -7,23 +7,23 @@ from collections.abc import Callable, Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, func, literal, select
+from sqlalchemy import ColumnElement, Select, case, func, select
 
 from station.errors import StationError
+from station.store.plant.hours import FAIL, FIRST_ATTEMPT, NO_REVISION, whole_hours
 from station.store.projection import COMPLETE
-from station.store.quality.lot import FIRST_ATTEMPT, Lot, Production
-from station.store.tables import ALARMS, CHECKS, METRICS, RUNS
+from station.store.quality.lot import Columns, Lot, Production
+from station.store.tables import ALARMS, CHECKS, METRIC_HOURS, METRICS, OF_AGAIN, RUNS
 
-FAIL, UNDECIDED = "FAIL", "NOT DECIDABLE"
+UNDECIDED = "NOT DECIDABLE"
 
-HOUR_DIGITS = len("2026-01-31T06")
 SHIFT_HOURS = 8
 SHIFTS_BEGIN = 6
 """Shifts of eight hours by the computer's clock, the first from 06:00."""
 
 
 def _as_it_is(key: Any) -> str:
-    return "–" if key in (None, "") else str(key)
+    return "–" if key in (None, "", NO_REVISION) else str(key)
 
 
 def _day(hour: str) -> str:
@@ -57,7 +57,8 @@ class Grouping(NamedTuple):
 
 
 def _hour(runs: Any) -> ColumnElement[Any]:
-    return func.substr(runs.c.started, 1, HOUR_DIGITS)
+    column: ColumnElement[Any] = runs.c.hour
+    return column
 
 
 GROUPINGS: dict[str, Grouping] = {
@@ -66,9 +67,9 @@ GROUPINGS: dict[str, Grouping] = {
     "recipe": Grouping("recipe", lambda runs: runs.c.recipe, _as_it_is, "recipe"),
     "revision": Grouping("revision", lambda runs: runs.c.revision, _as_it_is, "revision of the recipe"),
     "model": Grouping("model", lambda runs: runs.c.model, _as_it_is, "model"),
-    "shift": Grouping("started", _hour, _shift, "shift of eight hours from 06:00"),
-    "day": Grouping("started", _hour, _day, "day"),
-    "month": Grouping("started", _hour, _month, "month"),
+    "shift": Grouping("hour", _hour, _shift, "shift of eight hours from 06:00"),
+    "day": Grouping("hour", _hour, _day, "day"),
+    "month": Grouping("hour", _hour, _month, "month"),
 }
 """What runs can be grouped by."""
 
@@ -125,7 +126,11 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
     replaced by the newest of each.
     """
     group = None if by is None else grouping(by)
-    key = (literal("") if group is None else group.column(RUNS)).label("key")
+
+    def counted(runs: Any) -> tuple[ColumnElement[Any], ...]:
+        key = runs.c.chain if group is None else group.column(runs)  # the same for all where no grouping is asked for
+        return key, runs.c.state, runs.c.verdict
+
     found: dict[str, LotYield] = {}
     names: dict[Any, str] = {}  # of a year there are 8760 hours, and few months
 
@@ -137,29 +142,31 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
         parts = (one.plus(state, verdict, number) for one, number in zip(before, numbers, strict=True))
         found[name] = LotYield(*parts)
 
-    counted = (key, RUNS.c.state, RUNS.c.verdict)
-    first = production.of(select(*counted, func.count()).select_from(RUNS), lot).group_by(*counted)
-    for value, state, verdict, number in production.connection.execute(first):
+    for value, state, verdict, number in production.connection.execute(production.counted(counted, lot)):
         add(value, state, verdict, number, number)
-    later = production.of(select(*counted, RUNS.c.serial).order_by(RUNS.c.run), lot, attempts=None)
-    later = later.where(RUNS.c.attempt > FIRST_ATTEMPT)
-    newest = {serial: row for *row, serial in production.connection.execute(later)}
-    if newest:
-        again = production.of(select(RUNS.c.serial), lot, attempts=None).where(RUNS.c.attempt > FIRST_ATTEMPT)
-        before = production.of(select(*counted, func.count()).select_from(RUNS), lot)
-        before = before.where(RUNS.c.serial.in_(again)).group_by(*counted)
-        for value, state, verdict, number in production.connection.execute(before):
-            add(value, state, verdict, 0, -number)
-        for value, state, verdict in newest.values():
-            add(value, state, verdict, 0, 1)
+    for value, state, verdict, number in production.connection.execute(_as_they_left(production, lot, counted)):
+        add(value, state, verdict, 0, number)
     return {name: found[name] for name in sorted(found)}
+
+
+def _as_they_left(production: Production, lot: Lot, columns: Columns) -> Select[Any]:
+    """Return a statement for what units measured again add to and take from the counts of first attempts."""
+    later = RUNS.c.attempt > FIRST_ATTEMPT
+    retested = func.max(case((later, 1), else_=0)).over(partition_by=RUNS.c.serial)
+    newest = func.row_number().over(partition_by=(RUNS.c.serial, later), order_by=RUNS.c.run.desc())
+    said = [one.label(f"by_{place}") for place, one in enumerate(columns(RUNS))]
+    asked = select(*said, later.label("later"), retested.label("retested"), newest.label("newest"))
+    runs = production.of(asked, lot, attempts=None).where(OF_AGAIN).subquery()
+    number = case((runs.c.later, case((runs.c.newest == 1, 1), else_=0)), else_=-1)
+    by = [runs.c[one.name] for one in said]
+    return select(*by, func.sum(number)).where(runs.c.retested == 1).group_by(*by)
 
 
 def first_verdicts(production: Production, lot: Lot) -> Verdicts:
     """Return the verdicts of the first attempts alone."""
     found = Verdicts()
-    asked = production.of(select(RUNS.c.state, RUNS.c.verdict, func.count()).select_from(RUNS), lot)
-    for state, verdict, number in production.connection.execute(asked.group_by(RUNS.c.state, RUNS.c.verdict)):
+    asked = production.counted(lambda runs: (runs.c.state, runs.c.verdict), lot)
+    for state, verdict, number in production.connection.execute(asked):
         found = found.plus(state, verdict, number)
     return found
 
@@ -181,6 +188,12 @@ class FailedMetric(NamedTuple):
 
 def failures(production: Production, lot: Lot) -> Counter[FailedMetric]:
     """Return how many first attempts failed by each metric and side; a run that fails by several counts for each."""
+    if whole_hours(lot.since, lot.until):
+        by = [METRIC_HOURS.c[name] for name in FailedMetric._fields]
+        number = func.sum(METRIC_HOURS.c.failed)
+        asked = production.of_hours(select(*by, number).select_from(METRIC_HOURS), METRIC_HOURS, lot)
+        rows = production.connection.execute(asked.where(METRIC_HOURS.c.failed > 0).group_by(*by))
+        return Counter({FailedMetric(*row[:-1]): int(row[-1]) for row in rows})
     runs = production.chosen(lot, RUNS.c.verdict == FAIL, said=())
     columns = [METRICS.c[name] for name in FailedMetric._fields]
     asked = select(*columns, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
@@ -202,8 +215,8 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     A run counts once for each check that it did not pass, by its metrics only where all checks passed, and as an
     invalid measurement where its record names no check.
     """
-    states = production.of(select(RUNS.c.state, func.count()).select_from(RUNS), lot).where(RUNS.c.state != COMPLETE)
-    found = Counter({f"ended as {state}": number for state, number in _pairs(production, states, RUNS.c.state)})
+    states = production.connection.execute(production.counted(lambda runs: (runs.c.state,), lot))
+    found = Counter({f"ended as {state}": int(number) for state, number in states if state != COMPLETE})
     runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.state == COMPLETE, said=())
     checks = select(CHECKS.c.id, func.count()).select_from(runs).join(CHECKS, _together(runs, CHECKS))
     checks = checks.where(CHECKS.c.passed.is_(False))

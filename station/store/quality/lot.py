@@ -8,23 +8,22 @@ nothing is compared anew here, so that the answer does not wait for 200 000 fold
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, Select, Subquery, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, func, or_, select
 
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.store.outbox import catch_up
+from station.store.plant.hours import FIRST_ATTEMPT, between_hours, whole_hours
 from station.store.stored_runs import is_trusted, values_of
-from station.store.tables import RUNS
+from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
-
-FIRST_ATTEMPT = 1
 
 SAID_OF_A_VALUE = ("serial", "started", "bench", "operator", "recipe", "revision", "model")
 """What is known of a value by the run it comes from."""
@@ -33,6 +32,9 @@ NEWEST = 2000
 """First attempts that values are of unless more are asked for: a chart and an index of the process as it is now."""
 
 NO_LIMIT = 2**62
+
+Columns = Callable[[Any], tuple[ColumnElement[Any], ...]]
+"""Columns of a table with what is known of runs, by the table."""
 
 
 class Lot(NamedTuple):
@@ -74,6 +76,29 @@ class Production:
             asked = asked.where(RUNS.c.started < lot.until)
         return asked if attempts is None else asked.where(RUNS.c.attempt.in_(attempts))
 
+    def of_hours(self, asked: Select[Any], table: Table, lot: Lot) -> Select[Any]:
+        """Return a statement on a table by the hour with the conditions of a lot, which is one of whole hours."""
+        signed = ("", *self.keys) if self.unsigned_count else self.keys
+        asked = asked.where(table.c.chain == self.chain.id, table.c.virtual.is_(lot.virtual), table.c.key.in_(signed))
+        for name in ("recipe", "model", "bench"):
+            value = getattr(lot, name)
+            if value is not None:
+                asked = asked.where(table.c[name] == value)
+        return between_hours(asked, table, lot.since, lot.until)
+
+    def counted(self, columns: Columns, lot: Lot, *, attempts: Sequence[int] | None = (FIRST_ATTEMPT,)) -> Select[Any]:
+        """Return a statement for the number of runs of a lot by columns of a run, which stand before it in a row.
+
+        columns: a function of the table that has them. attempts: the first, or None for all.
+        """
+        if not whole_hours(lot.since, lot.until):
+            by = columns(RUNS)
+            return self.of(select(*by, func.count()).select_from(RUNS), lot, attempts=attempts).group_by(*by)
+        by = columns(RUN_HOURS)
+        asked = self.of_hours(select(*by, func.sum(RUN_HOURS.c.runs)).select_from(RUN_HOURS), RUN_HOURS, lot)
+        asked = asked.where(RUN_HOURS.c.in_production)
+        return (asked if attempts is None else asked.where(RUN_HOURS.c.first)).group_by(*by)
+
     def trusted(self) -> ColumnElement[bool]:
         """Return the condition that somebody known signed a run."""
         known = RUNS.c.key.in_(self.keys)
@@ -89,7 +114,7 @@ class Production:
         self.refuse_empty(lot)
         if lot.recipe is not None:
             return lot
-        recipes = list(self.connection.execute(self.of(select(RUNS.c.recipe).distinct(), lot)).scalars())
+        recipes = list(self.connection.execute(self.counted(lambda runs: (runs.c.recipe,), lot)).scalars())
         if len(recipes) > 1:
             raise StationError(
                 f"{self.chain.data}: this lot has runs of the recipes {', '.join(sorted(recipes))}; only runs of one "
@@ -125,17 +150,19 @@ class Production:
             StationError: no run is meant.
 
         """
-        there = self.of(select(RUNS.c.run), lot, attempts=None).limit(1)
-        if self.connection.execute(there).first() is not None:
+        if self._number(lot):
             return
-        other = self.of(select(func.count()).select_from(RUNS), lot._replace(virtual=not lot.virtual), attempts=None)
-        count = self.connection.execute(other).scalar_one()
+        count = self._number(lot._replace(virtual=not lot.virtual))
         kinds = ("virtual", "real") if lot.virtual else ("real", "virtual")
         hint = " Choose another lot" if not count else (
             f" Of {kinds[1]} units there are {count}: "
             + ("leave out --virtual" if lot.virtual else "choose them with --virtual")
         )  # fmt: skip
         raise StationError(f"{self.chain.data}: no run of a {kinds[0]} unit is in this lot.{hint}")
+
+    def _number(self, lot: Lot) -> int:
+        rows = self.connection.execute(self.counted(lambda runs: (runs.c.virtual,), lot, attempts=None))
+        return sum(number for _, number in rows)
 
 
 @contextmanager

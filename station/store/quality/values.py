@@ -9,9 +9,10 @@ from sqlalchemy import ColumnElement, Select, Subquery, func, or_, select
 
 from analysis.line.groups import Sums
 from station.errors import StationError
-from station.store.quality.counts import grouping
+from station.store.plant.hours import whole_hours
+from station.store.quality.counts import Grouping, grouping
 from station.store.quality.lot import Lot, Production
-from station.store.tables import METRICS, RUNS
+from station.store.tables import METRIC_HOURS, METRICS, RUNS
 
 MEANING = ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit")
 """What must be the same of a metric in every run, or the numbers are not of one kind."""
@@ -159,18 +160,35 @@ def sums(  # noqa: PLR0917 - what is asked for
 ) -> dict[str, Sums]:
     """Return the sums of each group over the whole lot, about an origin near the mean, in the order of their names."""
     group = grouping(by)
-    runs = production.chosen(lot, RUNS.c.valid, said=(group.of,))
-    away = METRICS.c.value - origin
-    columns = (group.column(runs).label("key"), func.count(), func.sum(away), func.sum(away * away))
+    if whole_hours(lot.since, lot.until):
+        asked = _sums_of_hours(production, lot, what, side, group, origin)
+    else:
+        runs = production.chosen(lot, RUNS.c.valid, said=(group.of,))
+        away = METRICS.c.value - origin
+        columns = (group.column(runs).label("key"), func.count(), func.sum(away), func.sum(away * away))
+        asked = _of(select(*columns), runs, what, side).group_by("key")
     found: dict[str, Sums] = {}
     names: dict[Any, str] = {}
-    for key, number, first, second in production.connection.execute(
-        _of(select(*columns), runs, what, side).group_by("key")
-    ):
+    for key, number, first, second in production.connection.execute(asked):
         name = names.get(key) or names.setdefault(key, group.name(key))
         before = found.get(name, Sums(0, 0.0, 0.0))
         found[name] = Sums(before.number + number, before.first + first, before.second + second)
     return {name: found[name] for name in sorted(found)}
+
+
+def _sums_of_hours(  # noqa: PLR0917 - what is asked for
+    production: Production, lot: Lot, what: Characteristic, side: str, group: Grouping, origin: float
+) -> Select[Any]:
+    """Return a statement for key, number, sum and sum of squares about an origin, from the hours of a lot."""
+    there = METRIC_HOURS.c
+    away = there.mean - origin
+    sums_of = (there.number, there.number * away, there.squares + there.number * away * away)
+    key = group.column(METRIC_HOURS).label("key")
+    asked = production.of_hours(select(key, *map(func.sum, sums_of)).select_from(METRIC_HOURS), METRIC_HOURS, lot)
+    asked = asked.where(there.side == side, there.number > 0)
+    for name in MEANING:
+        asked = asked.where(there[name] == getattr(what, name))
+    return asked.group_by(key)
 
 
 def other_meanings(production: Production, lot: Lot, what: Characteristic) -> int:

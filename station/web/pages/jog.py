@@ -20,6 +20,7 @@ from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER
 from definitions.image import State
 from definitions.jog import PHASE_ROWS, TOKEN_EVERY_S, JogPhase
+from drivers.servo_drive.emcy import drive_said
 from station.records.samples.scan_record import unpack
 from station.run.screen.progress import signed
 from station.web.actions.table import ACTIONS
@@ -61,11 +62,12 @@ WORDS = {"PRESS": "Press the virtual enabling device", "LET_GO": "Let go of the 
 
 
 class Alarm(NamedTuple):
-    """One fault that came up in a jog: its number, what happened, what to do."""
+    """One fault that came up in a jog: its number, what happened, what to do, and what the drive says of it."""
 
     number: int
     text: str
     next_action: str
+    drive_said: str = ""
 
 
 class Shown(NamedTuple):
@@ -228,7 +230,9 @@ def shown_of(standing: Jogged) -> Shown:
         torque="not known" if torque_nm is None else f"{signed(torque_nm, 1)} N·m",
         speed=f"{signed(image.drive_velocity_rad_s * RPM_PER_RAD_S, 2)} rpm",
         most=f"at most {program.jog.speed_rad_s * RPM_PER_RAD_S:.3g} rpm",
-        alarms=tuple(Alarm(one.number, one.text, one.next_action) for one in faults),
+        alarms=tuple(
+            Alarm(one.number, one.text, one.next_action, drive_said(one.id, image.drive_emcy_code)) for one in faults
+        ),
     )
 
 

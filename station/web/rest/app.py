@@ -24,6 +24,7 @@ from station.web.actions.table import ACTIONS
 from station.web.actions.values import Refused, refusal
 from station.web.bypasses import bypasses_now
 from station.web.guard import Keep
+from station.web.labels.outbox import awaited
 from station.web.mes.outbox import waiting
 from station.web.people import audit
 from station.web.people.accounts import (
@@ -162,6 +163,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         with station.database.reading() as connection:
             bypasses = [str(one) for one in bypasses_now(connection)]
             left = None if station.mes is None else waiting(connection)
+            label = None if station.labels is None else awaited(connection, station.labels)
         return JSONResponse({
             "stage": found.stage, "serial": found.serial, "run": found.run, "attempt": found.attempt,
             "recipe": found.recipe, "refused": found.refused, "altered": list(found.altered),
@@ -172,6 +174,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "verdict": None if found.result is None else found.result.verdict,
             "reasons": [] if found.result is None else list(found.result.reasons),
             "bypasses": bypasses,
+            "label": None if label is None else label._asdict(),
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
         })  # fmt: skip
 

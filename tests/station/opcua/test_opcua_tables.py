@@ -162,7 +162,7 @@ def test_a_certificate_that_clients_would_refuse_is_refused_at_the_start(tmp_pat
     plant.set_up()
     settings = load_opcua(plant.data)
     assert checked_certificate(plant.data, settings)[1].startswith("urn:")
-    with pytest.raises(StationError, match="there already"):
+    with pytest.raises(StationError, match="exists already"):
         make_certificate(plant.data, settings, ())
     elsewhere = settings.model_copy(update={"endpoint": "opc.tcp://bench-7.plant.example:4840/"})
     with pytest.raises(StationError, match="not for bench-7"):

@@ -138,7 +138,7 @@ def test_a_backup_that_is_not_whole_leaves_nothing_behind(
 def test_nothing_is_written_over(data: Path, tmp_path: Path) -> None:
     file = tmp_path / "backup.tar"
     back_up(data, file)
-    with pytest.raises(StationError, match="there already"):
+    with pytest.raises(StationError, match="exists already"):
         back_up(data, file)
     with pytest.raises(StationError, match="not empty"):
         restore(file, data)

@@ -15,6 +15,8 @@ from definitions.image import State
 from definitions.jog import PHASES
 from definitions.states import row_of
 from station.web.actions.jog import NO_JOG
+from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
+from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
 from station.web.pages import frame, jog, operator, people, results, words
@@ -62,6 +64,7 @@ def of_a_jog() -> list[Fault]:
 TEXTS = [
     *shown(), *said(operator), *said(results), *said(frame), *(one["headerName"] for one in results.COLUMNS),
     *(name.capitalize() for name in frame.PAGES), *ROLES, *operator.RETEST_REASONS, operator.PUT_AWAY,
+    operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
     *said(jog), *said(people), *titles(people), *people.COLUMNS, *people.DONE.values(),
@@ -79,6 +82,17 @@ def allowed(tmp_path_factory: pytest.TempPathFactory) -> Situation:
     data = tmp_path_factory.mktemp("languages") / "runs"
     write_models(data)
     return situation_of(data, load_models(data, None), Wanted("SN-1"), busy=False, confirmed=frozenset())
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_stands_of_a_label_has_one_in_each_language(language: str) -> None:
+    stages = [(stage, "") for stage in (TO_PRINT, SENT, PRINTED)]
+    for stage, trouble in (*stages, (NOT_MADE, "why"), *((TO_PRINT, why) for why in TROUBLES.values())):
+        text = str(Awaited("R", "SN-1", stage, trouble))
+        said = words_of(language)(text)
+        assert said != text, text
+        assert "SN-1" in said
+        assert trouble == "why" or not trouble or trouble not in said
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -1,0 +1,147 @@
+"""Counts and sums by the hour, kept beside the runs in the same transaction: a year's trend reads some thousand rows.
+
+An hour that a run comes to, changes in or leaves is counted anew from its rows, so that it does not matter in which
+order they came: a store that was rebuilt has the same bits. Of values there are the mean and the sum of squared
+differences from it, from which those of any group of hours follow without cancellation.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections import defaultdict
+from collections.abc import Collection, Iterable, Sequence
+from typing import Any
+
+from sqlalchemy import (
+    ColumnElement,
+    Connection,
+    Select,
+    Table,
+    case,
+    delete,
+    func,
+    insert,
+    literal,
+    literal_column,
+    select,
+)
+
+from station.store.tables import METRIC_HOURS, METRICS, RUN_HOURS, RUNS
+
+HOUR_DIGITS = len("2026-01-31T06")
+FIRST_ATTEMPT = 1
+FAIL = "FAIL"
+MOST_AT_ONCE = 200
+"""Hours and runs that one statement names."""
+
+WHOLE = re.compile(r"[0-9-]{10}T[0-9]{2}:00:00(?:\.0+)?\+00:00")
+"""The beginning of an hour in UTC."""
+
+NO_REVISION = -1
+"""Revision of a recipe without one: a key has no empty columns."""
+
+OF_RUNS = ("hour", "bench", "recipe", "revision", "model", "operator", "key")
+"""What is known of the runs in both tables."""
+
+OF_METRICS = ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit", "side")
+"""What tells values from others."""
+
+
+def hour_of(started: object) -> str:
+    """Return the hour of a moment, '' where there is none."""
+    return started[:HOUR_DIGITS] if isinstance(started, str) else ""
+
+
+def whole_hours(since: str | None, until: str | None) -> bool:
+    """Whether moments, None for any, are the beginnings of hours: then hours say as much as the runs themselves."""
+    return all(moment is None or WHOLE.fullmatch(moment) for moment in (since, until))
+
+
+def between_hours(asked: Select[Any], table: Table, since: str | None, until: str | None) -> Select[Any]:
+    """Return a statement on a table by the hour with its hours from one moment to another, both of whole hours."""
+    if since is not None:
+        asked = asked.where(table.c.hour >= hour_of(since))
+    if until is not None:
+        asked = asked.where(table.c.hour < hour_of(until), table.c.hour != "")
+    return asked
+
+
+def hours_of(connection: Connection, chain: str, runs: Sequence[str]) -> set[str]:
+    """Return the hours that stored runs are in."""
+    found: set[str] = set()
+    for begin in range(0, len(runs), MOST_AT_ONCE):
+        named = RUNS.c.run.in_(runs[begin : begin + MOST_AT_ONCE])
+        found.update(connection.execute(select(RUNS.c.hour).where(RUNS.c.chain == chain, named)).scalars())
+    return found
+
+
+def count_hours(connection: Connection, chain: str, hours: Collection[str]) -> None:
+    """Count hours of a data folder anew."""
+    there = sorted(hours)
+    for begin in range(0, len(there), MOST_AT_ONCE):
+        some = there[begin : begin + MOST_AT_ONCE]
+        for table in (RUN_HOURS, METRIC_HOURS):
+            connection.execute(delete(table).where(table.c.chain == chain, table.c.hour.in_(some)))
+        _count_runs(connection, chain, some)
+        _count_metrics(connection, chain, some)
+
+
+def count_all_hours(connection: Connection) -> None:
+    """Count every hour of every data folder anew."""
+    for chain in connection.execute(select(RUNS.c.chain).distinct()).scalars().all():
+        hours = connection.execute(select(RUNS.c.hour).where(RUNS.c.chain == chain).distinct()).scalars()
+        count_hours(connection, chain, set(hours))
+
+
+def _count_runs(connection: Connection, chain: str, hours: list[str]) -> None:
+    names = [column.name for column in RUN_HOURS.columns if column.name not in ("chain", "runs")]
+    values = [RUNS.c.chain, *(_known(name).label(name) for name in names)]
+    counted = select(*values, func.count()).where(RUNS.c.chain == chain, RUNS.c.hour.in_(hours))
+    # By their places: a database does not see that two expressions with parameters are the same one.
+    counted = counted.group_by(*(literal_column(str(place)) for place in range(1, len(values) + 1)))
+    connection.execute(insert(RUN_HOURS).from_select(["chain", *names, "runs"], counted))
+
+
+def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None:
+    of_runs = [_known(name) for name in (*OF_RUNS, "virtual")]
+    of_metrics = [func.coalesce(METRICS.c[name], "") for name in OF_METRICS]
+    failed = case(((RUNS.c.verdict == FAIL) & (METRICS.c.verdict == FAIL), 1), else_=0)
+    value = case((RUNS.c.valid, METRICS.c.value), else_=None)
+    together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
+    asked = select(value, failed, *of_runs, *of_metrics).select_from(RUNS).join(METRICS, together)
+    asked = asked.where(RUNS.c.chain == chain, RUNS.c.hour.in_(hours))
+    asked = asked.where(RUNS.c.in_production, RUNS.c.attempt == FIRST_ATTEMPT)
+    groups: dict[Any, tuple[list[float], list[int]]] = defaultdict(lambda: ([], []))
+    for one, bad, *key in connection.execute(asked):
+        values, fails = groups[tuple(key)]
+        fails.append(bad)
+        if one is not None:
+            values.append(one)
+    names = (*OF_RUNS, "virtual", *OF_METRICS)
+    rows = [
+        {"chain": chain} | dict(zip(names, key, strict=True)) | _sums(values) | {"failed": sum(fails)}
+        for key, (values, fails) in groups.items()
+        if values or any(fails)
+    ]
+    if rows:
+        connection.execute(insert(METRIC_HOURS), rows)
+
+
+def _sums(values: Iterable[float]) -> dict[str, float]:
+    """Return number, mean and sum of squared differences; each rounded once, in whichever order the values come."""
+    there = list(values)
+    if not there:
+        return {"number": 0, "mean": 0.0, "squares": 0.0}
+    mean = math.fsum(there) / len(there)
+    return {"number": len(there), "mean": mean, "squares": math.fsum((one - mean) ** 2 for one in there)}
+
+
+def _known(name: str) -> ColumnElement[Any]:
+    """Return a column of a run as it stands in a key."""
+    if name == "revision":
+        return func.coalesce(RUNS.c.revision, NO_REVISION)
+    if name == "first":
+        return RUNS.c.attempt == literal(FIRST_ATTEMPT)
+    column: ColumnElement[Any] = RUNS.c[name]
+    return func.coalesce(column, "") if name in ("operator", "key", "verdict") else column

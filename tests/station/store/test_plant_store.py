@@ -1,0 +1,227 @@
+"""The store at the size of a plant: hours say what the runs say, months hold the runs, an older store comes along."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from lostmotion_command import here
+from sqlalchemy import Column, Connection, MetaData, Table, inspect, select, text
+from stored_runs import metric, store_run
+
+from analysis.trace.errors import AnalysisError
+from station.errors import StationError
+from station.quality.figures import causes_of, trend_of, yield_of
+from station.records.chain.chain_file import Chain
+from station.store import engine
+from station.store.engine import VERSIONS, StoreError
+from station.store.outbox import put_runs, rebuild, remove_runs
+from station.store.places import STORE_URL
+from station.store.plant.hours import whole_hours
+from station.store.plant.months import DIVIDED, make_months
+from station.store.quality.counts import GROUPINGS
+from station.store.quality.lot import Lot, Production, production
+from station.store.run_search import search
+from station.store.stored_runs import Wanted
+from station.store.table_counts import all_rows
+from station.store.tables import METADATA, METRIC_HOURS, RUN_HOURS, RUNS
+from station.store.view import another_recipe, bring_up, look_at, opened
+
+COUNT = 60
+BEFORE_ALL = "2001-01-01T00:30:00.000+00:00"
+"""Half past an hour: from then on means all runs, and is asked of the runs themselves."""
+
+MIDDAY = "2026-01-06T12:00:00.000+00:00"
+
+KINDS: tuple[dict[str, Any], ...] = (
+    {}, {}, {}, {"failed": "lost_motion"}, {"reasons": ["measurement invalid: drift"]}, {"state": "stopped"},
+    {"virtual": "P1"}, {"master": "PASS"}, {"revision": 2}, {"scenario": "slow.yaml"},
+)  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs of every kind: two recipes, operators, four days, a third of the units measured again, one run altered."""
+    data, dice = tmp_path_factory.mktemp("plant") / "runs", random.Random(17)  # noqa: S311 - no secret
+    for number in range(COUNT):
+        value = 1000.0 + dice.gauss(0.0, 0.001)
+        what = {"operator": dice.choice(["A", "B", None]), "day": dice.random() * 4} | dice.choice(KINDS)
+        kept = None if dice.random() < 0.1 else value
+        recipe = "other" if number % 7 == 0 else "inverse"
+        store_run(data, f"U{number % 45}", [metric(kept), metric(value / 3, id="backlash")], recipe=recipe, **what)
+    altered = store_run(data, "ALTERED", [metric(9.0)], day=1.0)
+    (altered.folder / "recipe.yaml").write_bytes(b"changed\n")
+    return data
+
+
+@pytest.fixture
+def plant(made: Path, store_url: str | None) -> Iterator[Path]:
+    """The same runs in both databases; made again after a test that changed them."""
+    del store_url
+    bring_up(made, 60.0)
+    yield made
+    database = opened(made)
+    rebuild(database, Chain(made))
+    database.close()
+
+
+LOTS = {
+    "all": Lot(recipe="inverse"),
+    "every recipe": Lot(),
+    "until midday": Lot(recipe="inverse", until=MIDDAY),
+    "from midday": Lot(recipe="inverse", since=MIDDAY),
+    "a model": Lot(recipe="inverse", model="RV"),
+    "no such bench": Lot(recipe="inverse", bench="none"),
+    "virtual": Lot(recipe="inverse", virtual=True),
+}
+
+
+@pytest.mark.parametrize("name", LOTS)
+def test_the_hours_say_what_the_runs_say(plant: Path, name: str) -> None:
+    """The same lot asked of the hours, and of the runs themselves as it begins or ends within an hour."""
+    lot = LOTS[name]
+    by_runs = lot._replace(until=MIDDAY.replace(":00.000", ":00.001")) if lot.until else lot
+    by_runs = by_runs._replace(since=MIDDAY.replace(":00.000", ":00.001") if lot.since else BEFORE_ALL)
+    assert whole_hours(lot.since, lot.until)
+    assert not whole_hours(by_runs.since, by_runs.until)
+    with production(plant) as look:
+        (counts, numbers), (counts_by_runs, numbers_by_runs) = _figures(look, lot), _figures(look, by_runs)
+    assert counts == counts_by_runs
+    assert numbers == pytest.approx(numbers_by_runs, rel=1e-7, abs=1e-12)  # of 1000.000 with a spread of 0.001
+
+
+def _figures(look: Production, lot: Lot) -> tuple[list[Any], list[float]]:
+    """Return what the figures count, and what they calculate."""
+    try:
+        yields = [yield_of(look, lot, by) for by in (None, *GROUPINGS)]
+        counts: list[Any] = [(one.whole, one.groups) for one in yields]
+        causes = causes_of(look, lot)
+    except StationError as error:
+        return [str(error)], []
+    counts += [causes.first_attempts, causes.failed, causes.alarms, causes.undecided]
+    numbers: list[float] = []
+    for by in GROUPINGS:
+        try:
+            one = trend_of(look, lot, "lost_motion", by).compared
+        except (StationError, AnalysisError) as error:
+            counts.append(str(error))
+        else:
+            counts.append([(group.name, group.number) for group in one.groups])
+            numbers += [one.mean, one.sd_within, one.sd_between, one.p_same]
+            numbers += [number for group in one.groups for number in (group.mean, group.sd or 0.0)]
+    return counts, numbers
+
+
+def test_the_number_of_runs_found_is_that_of_the_runs(plant: Path) -> None:
+    wanted = [Wanted(), Wanted(verdict="FAIL"), Wanted(operator="A", since=MIDDAY), Wanted(master="PASS"),
+              Wanted(recipe="other", until=MIDDAY), Wanted(begins="U1"), Wanted(serial="U7"), Wanted(model="none"),
+              Wanted(since=BEFORE_ALL)]  # fmt: skip
+    for one in wanted:
+        found = search(plant, one, count=500)
+        assert found.total == len(found.rows), one
+
+
+def test_hours_and_retests_are_those_of_a_store_that_is_made_anew(plant: Path) -> None:
+    """Runs that go, come again and change leave the counts as if they had come in one go."""
+    database, chain = opened(plant), Chain(plant)
+    before = all_rows(database, chain)
+    with database.reading() as connection:
+        runs = connection.execute(select(RUNS.c.run).where(RUNS.c.chain == chain.id)).scalars().all()
+        again = connection.execute(select(RUNS.c.run).where(RUNS.c.chain == chain.id, RUNS.c.again)).scalars().all()
+    assert 0 < len(again) < len(runs)
+    dice = random.Random(3)  # noqa: S311 - no secret
+    for _ in range(5):
+        some = dice.sample(list(runs), 15)
+        remove_runs(database, chain, some)
+        assert all_rows(database, chain)["run_hours"] != before["run_hours"]
+        dice.shuffle(some)
+        for one in some:
+            put_runs(database, chain, [one])
+        assert all_rows(database, chain) == before
+    rebuild(database, chain)
+    assert all_rows(database, chain) == before
+    database.close()
+
+
+def test_every_month_is_a_partition_and_the_next_one_is_made_ahead(
+    server: str, made: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(STORE_URL, server)
+    database = opened(made)
+    odd = ["20311231T235959.999Z-X", "U-1", "99991231T000000.000Z-X", "20310199"]
+    bring_up(made, 60.0)
+    with database.writing() as connection:
+        make_months(connection, odd)
+        names = set(inspect(connection).get_table_names())
+        for table in DIVIDED:
+            assert {f"{table}_203112", f"{table}_203201", f"{table}_rest"} <= names
+            assert not {f"{table}_203101", f"{table}_999912"} & names
+        row = dict(connection.execute(select(RUNS).limit(1)).mappings().one())
+        for run in odd:
+            connection.execute(RUNS.insert(), [row | {"run": run, "chain": "odd"}])
+        found = connection.execute(text("SELECT run, tableoid::regclass::text FROM runs WHERE chain = 'odd'"))
+        assert dict(found.tuples().all()) == {odd[0]: "runs_203112"} | dict.fromkeys(odd[1:], "runs_rest")
+        connection.execute(RUNS.delete().where(RUNS.c.chain == "odd"))
+    database.close()
+
+
+OLD = [table for table in METADATA.sorted_tables if table not in (RUN_HOURS, METRIC_HOURS)]
+"""Tables of the version before this one."""
+
+
+def _to_the_version_before(connection: Connection) -> None:
+    """Make the tables of the version before this one, with the rows that they would have."""
+    from alembic import command  # noqa: PLC0415 - for these tests alone
+    from alembic.config import Config  # noqa: PLC0415
+
+    rows = {table: [dict(row) for row in connection.execute(select(table)).mappings()] for table in OLD}
+    METADATA.drop_all(connection)
+    connection.execute(text(f"DROP TABLE {VERSIONS}"))
+    config = Config()
+    config.set_main_option("script_location", str(Path(engine.__file__).parent / "migrations"))
+    config.attributes["connection"] = connection
+    command.upgrade(config, "0005")
+    for table, content in rows.items():
+        there = {column["name"] for column in inspect(connection).get_columns(table.name)}
+        if content:
+            kept = Table(table.name, MetaData(), *(Column(one.name, one.type) for one in table.c if one.name in there))
+            connection.execute(kept.insert(), [{name: row[name] for name in there} for row in content])
+
+
+def test_a_store_of_the_version_before_has_the_rows_of_one_that_is_made_anew(plant: Path) -> None:
+    database, chain = opened(plant), Chain(plant)
+    before = all_rows(database, chain)
+    with database.writing() as connection:
+        _to_the_version_before(connection)
+    database.close()
+    database = opened(plant)
+    assert all_rows(database, chain) == before
+    with database.reading() as connection:
+        if connection.dialect.name == "postgresql":
+            names = set(inspect(connection).get_table_names())
+            assert {f"{table}_{run}" for table in DIVIDED for run in ("rest", before["runs"][0][1][:6])} <= names
+    database.close()
+
+
+def test_a_big_store_of_the_version_before_waits_for_a_rebuild(
+    plant: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A run that begins does not wait for it, and a look reads the folders; `store rebuild` brings it up."""
+    monkeypatch.setattr("station.store.engine.FEW_RUNS", 10)
+    database, chain = opened(plant), Chain(plant)
+    before = all_rows(database, chain)
+    with database.writing() as connection:
+        _to_the_version_before(connection)
+    database.close()
+    with pytest.raises(StoreError, match=r"version 0005 with more than 10 runs.*'lostmotion store rebuild'"):
+        another_recipe(plant, "inverse", 1, "", most_s=1.0)
+    with look_at(plant) as view:
+        assert len(view.runs) == len(before["attempts"])
+    assert "store rebuild" in capsys.readouterr().err
+    assert here("store", "rebuild", "--data", str(plant)).exit_code == 0
+    database = opened(plant)
+    assert all_rows(database, chain) == before
+    database.close()

@@ -165,7 +165,9 @@ class _Page:
         self._shown = what
         shown = _shown(now)
         self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
-        to_do = LABEL_FIRST if self._awaited and shown in VERDICTS.values() else shown.to_do
+        to_do = shown.to_do
+        if shown in VERDICTS.values():
+            to_do = LABEL_FIRST if self._awaited else now.to_do or shown.to_do
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         about = "  ".join(
             part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part

@@ -196,10 +196,10 @@ def times_ms(call: Callable[[], object], tries: int, server: Server) -> tuple[fl
     return statistics.median(walls), statistics.quantiles(walls, n=20)[-1], statistics.quantiles(work, n=20)[-1]
 
 
-def asked_for(description: str | None, tries: int) -> argparse.Namespace:
+def asked_for(description: str | None, tries: int, runs: int = 200_000) -> argparse.Namespace:
     """Return what the command line of such a benchmark asks for."""
     parser = argparse.ArgumentParser(description=description)
-    parser.add_argument("--runs", type=int, default=200_000)
+    parser.add_argument("--runs", type=int, default=runs)
     parser.add_argument("--tries", type=int, default=tries)
     parser.add_argument("--postgresql", action="store_true", help="on a server of its own, instead of SQLite")
     parser.add_argument("--folder", type=Path, help="keep the folder there, and use it again")

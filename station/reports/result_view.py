@@ -199,6 +199,7 @@ def alarm_lines(result: Result) -> list[Text]:
             line.append("  ◀ first cause", style="bold red")
         else:
             line.append(f". {alarm.next_action}", style="default")
+            line.append(f". {alarm.detail[:1].upper()}{alarm.detail[1:]}" if alarm.detail else "", style="default")
         lines.append(line)
     return lines
 

@@ -25,8 +25,9 @@ from station.web.pages.certificates import add_certificates
 from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
+from station.web.pages.people import add_people
 from station.web.pages.quality import add_quality_page
-from station.web.pages.recipes import add_recipe_pages
+from station.web.pages.recipes.page import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
 from station.web.people import audit
@@ -97,6 +98,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_certificates(station)
     add_maintenance(station)
     add_jog(station)
+    add_people(station)
     add_results(station)
     add_run_page(station)
     add_quality_page(station)

@@ -46,6 +46,14 @@ Say = Callable[[str], None]
 AskMes = Callable[[str], PreviousStep | None]
 
 
+def _to_do(now: Situation, verdict: str) -> str:
+    """Return what is done with the unit: what its recipe says, and how a bad one is put away here."""
+    own = "" if now.job is None else now.job.recipe.what_to_do.after(verdict)
+    if not own:
+        return DO[verdict]
+    return f"{own} Then scan its code, or type {NOK}." if verdict == "FAIL" else own
+
+
 class NoLabels:
     """A bench without labels."""
 
@@ -163,7 +171,7 @@ class Line:
         self.has_run, self.likely = True, now.likely
         verdict = ENDINGS.get(self._run(self._options(now)), "")
         if verdict:
-            self._say(f"{verdict}  {wanted.serial}  {DO[verdict]}")
+            self._say(f"{verdict}  {wanted.serial}  {_to_do(now, verdict)}")
         else:
             self._say(f"NO RESULT  {wanted.serial}  {ELSE}")
 

@@ -166,6 +166,8 @@ def _fault(run: RunRecord, manifest: Manifest) -> Fault:
     result = run.read(Result, RESULT) if run.has(RESULT) else None
     first = None if result is None else result.first_cause
     cause = "" if first is None else f"{first.text}. {first.next_action}."
+    if first is not None and first.detail:
+        cause += f" Servo drive: {first.detail}."
     return Fault(run.id, manifest.bench.name, run.state(), None if result is None else result.left, cause)
 
 

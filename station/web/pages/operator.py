@@ -26,7 +26,7 @@ from station.web.actions.values import LabelTold, refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.labels.outbox import Awaited, awaited, is_label
 from station.web.languages import LANGUAGES, Words, messages
-from station.web.pages.frame import HERE, act, bar, session_of_page, words_for
+from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
@@ -136,7 +136,7 @@ class _Page:
         if time.monotonic() - self._session_seen > SESSION_EVERY_S:
             session, bypasses, label = await asyncio.to_thread(_seen, self._station, self._session.token)
             if session is None:
-                ui.navigate.to("/enter")  # nobody sees the bench after the end of a session
+                leave_page()  # nobody sees the bench after the end of a session
                 return
             self._bypasses.set_text(" ".join(self._words(str(one)) for one in bypasses))
             self._bypasses.set_visibility(bool(bypasses))
@@ -165,7 +165,9 @@ class _Page:
         self._shown = what
         shown = _shown(now)
         self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
-        to_do = LABEL_FIRST if self._awaited and shown in VERDICTS.values() else shown.to_do
+        to_do = shown.to_do
+        if shown in VERDICTS.values():
+            to_do = LABEL_FIRST if self._awaited else now.to_do or shown.to_do
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         about = "  ".join(
             part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part

@@ -100,7 +100,16 @@ EVERY_LISTENER = """() => {
 def test_no_listener_of_a_page_does_more_than_its_role(station: Served, enter: Enter) -> None:
     page, name = enter("mes"), "the mes"
     after, told = newest(station), 0
-    for address in ("/", "/maintenance", "/recipes", "/recipes/good/1", "/results", "/quality", "/certificates"):
+    for address in (
+        "/",
+        "/maintenance",
+        "/recipes",
+        "/recipes/good/1",
+        "/results",
+        "/quality",
+        "/certificates",
+        "/people",
+    ):
         page.goto(f"{station.url}{address}")
         page.wait_for_load_state("networkidle")
         told += page.evaluate(EVERY_LISTENER)
@@ -135,7 +144,15 @@ def test_a_script_as_serial_number_operator_or_comment_stays_a_text(station: Ser
     assert len(runs) == 3
     page = enter("technician")
     page.on("dialog", lambda dialog: pytest.fail(dialog.message))
-    places = {"/": SCRIPT, "/results": SCRIPT, "/quality": "", "/maintenance": "", "/certificates": "", "/recipes": ""}
+    places = {
+        "/": SCRIPT,
+        "/results": SCRIPT,
+        "/quality": "",
+        "/maintenance": "",
+        "/certificates": "",
+        "/recipes": "",
+        "/people": "",
+    }
     places |= {f"/runs/{quote(run)}": SCRIPT for run in runs}
     places |= {f"/api/runs/{quote(run)}/report.html": SCRIPT for run in runs}
     shown = ""

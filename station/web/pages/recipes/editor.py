@@ -30,7 +30,7 @@ from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.quality_figures import Options
-from station.web.pages.recipes_diff import diff_html
+from station.web.pages.recipes.diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
 from station.web.recipe_text.check import LookedAt, look_at

@@ -12,9 +12,11 @@ from definitions.image import AGE_NEVER, IMAGE_FIELDS, REMOTE_IO_FIELDS, DriveSt
 from drivers.can.bus import CanLink, open_can
 from drivers.can.other_controller import refuse_other_controller
 from drivers.can.sensor_setup import compare_sensor
+from drivers.config import DriveConfig
 from drivers.modbus.device import ModbusDevice
 from drivers.servo_drive.cia402 import decode_state
 from drivers.servo_drive.comparison import Compared, compare_drive
+from drivers.servo_drive.emcy import EmcyText, explain_emcy
 from drivers.servo_drive.sdo import SdoFailure, SdoNode
 from drivers.servo_drive.units import drive_units
 from drivers.servo_drive.unused import missing_on
@@ -72,6 +74,7 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         missing = missing_on(link, wires.drive) if answers else []
         of_sensors = [(sensor, compare_sensor(link, sensor)) for sensor in wires.can_sensors]
         live = _drive_values(link, bench) if answers else []
+        in_fault = drive_fault(link, wires.drive) if answers else []
     finally:
         link.close()
     by_hand, frames = ByHand(wires), CanLooks(wires)
@@ -95,6 +98,7 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         for one in objects
         if one.outcome in REFUSED
     ]
+    findings += in_fault
     for name, device in by_hand.devices.items():
         findings += _of_device(name, device, oldest[name])
     for sensor, rows in of_sensors:
@@ -151,6 +155,21 @@ def _drive_values(link: CanLink, bench: OnWires) -> list[Live]:
             text = f"0x{number:04X}, {DriveState(decode_state(number)).name.lower().replace('_', ' ')}"
         live.append(Live(item.name, text, unit, place, 0.0))
     return live
+
+
+def drive_fault(link: CanLink, config: DriveConfig) -> list[Finding]:
+    """Say why a drive is in fault: its emergency message was sent before anybody listened, 0x603F holds the code."""
+    node = SdoNode(link, config.node_id, config.sdo_reply_timeout_s, config.sdo_tries)
+    try:
+        if decode_state(node.read(0x6041, 0, "u16")) is not DriveState.FAULT:
+            return []
+        code = node.read(0x603F, 0, "u16")
+    except SdoFailure:  # its code is optional, and its state stands among the values
+        return []
+    told = explain_emcy(code) if code else EmcyText("no cause given", "read its error history with the maker's tool")
+    what = f"The drive is in fault, error code 0x{code:04X} (0x603F): {told.cause}."
+    cure = f"{_sentence(told.next_action)} Then switch the drive off and on, and repeat this step."
+    return [Finding(what=what, cure=cure, refuses=False)]
 
 
 def _modbus_values(name: str, device: ModbusDevice, scan: int) -> list[Live]:

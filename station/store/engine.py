@@ -15,6 +15,7 @@ from sqlalchemy.pool import StaticPool
 from station.errors import StationError
 from station.store.places import StorePlace
 from station.store.plant.months import make_rest
+from station.store.plant.sizes import tell_sizes
 from station.store.tables import METADATA, RUNS
 
 ACTION = "Check that the database runs and that this user may write it"
@@ -93,6 +94,7 @@ class Database:
                 if not self._may_take_long:
                     _refuse_long(connection, self.place, version)
                 upgrade(connection, self.place, version)
+            tell_sizes(connection)
 
 
 def _version(connection: Connection) -> str | None:

@@ -223,7 +223,7 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
             link = open_can(wires.can)
             try:
                 refuse_other_controller(link, wires.drive)
-                reactions.append(trials.measure(link, wires.drive, PERIOD_NS, trial, _safety_chain(by_hand, wires)))
+                reactions.append(trials.measure(link, wires.drive, PERIOD_NS, trial, safety_chain(by_hand, wires)))
             finally:
                 link.close()
     rows = [
@@ -258,15 +258,23 @@ def _timeout(trial: Trial, reaction: Reaction) -> str:
 STALE_MS = 500
 """Age of the contacts from which on they are not known."""
 
+NOT_ASKED_MS = 100
+"""Time between two looks from which on the contacts grew old because nobody asked, as while the drive is set up."""
 
-def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
+
+def safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
+    """Return what looks at emergency stop and guard, and says what speaks against an enabled drive, '' for nothing."""
     device = by_hand.devices["remote_io"]
     names = PART_FIELDS["remote_io"]
-    begun = by_hand.scan
+    looked = asked_since = by_hand.scan
 
     def look() -> str:
+        nonlocal looked, asked_since
         by_hand.step()
-        if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
+        if by_hand.scan - looked > NOT_ASKED_MS:
+            asked_since = by_hand.scan
+        looked = by_hand.scan
+        if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - asked_since > STALE_MS):
             return f"{wires.remote_io.where} does not answer: emergency stop and guard not known. Check its cable"
         if not device.replies:
             return ""

@@ -27,13 +27,13 @@ def _labels(data: Path) -> Labels:
 
     found = load_labels(data)
     if found is None:
-        raise StationError(f"{data / FILE}: is not there, so no labels are printed. docs/labels.md says what it holds")
+        raise StationError(f"{data / FILE}: is missing, so no labels are printed. Write this file: see docs/labels.md")
     return found
 
 
 @labels_app.command("status")
 def labels_status(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Say whether the printer can print, and which label is not on its unit yet. Prints nothing."""
+    """Show whether the printer is ready, and which label is not on its unit yet. Prints nothing."""
     from station.web.labels.printer import PrinterError, connected
 
     labels = _labels(data)
@@ -75,7 +75,7 @@ def labels_preview(
     run: Annotated[str, typer.Argument(metavar="RUN", help="Id of a stored run, or a serial number: its newest run.")],
     data: DataOption = DEFAULT_DATA,
 ) -> None:
-    """Write the label of a stored run to standard output, in ZPL as the printer would get it. Prints nothing."""
+    """Write the ZPL of a run's label to standard output. Nothing is printed."""
     from station.errors import StationError
     from station.records.data_folder import Store
     from station.results.sealed_runs import result_of
@@ -94,7 +94,7 @@ def labels_preview(
 
 @labels_app.command("template")
 def labels_template() -> None:
-    """Write the template that comes with the program to standard output: a beginning for your own."""
+    """Write the shipped template to standard output: copy and edit it for your own."""
     from station.web.labels.settings import SHIPPED
 
     sys.stdout.write(SHIPPED.read_text(encoding="utf-8"))

@@ -139,6 +139,16 @@ class Production:
         asked = asked.order_by(RUNS.c.run.desc()) if newest is not None else asked
         return asked.limit(NO_LIMIT if newest is None else newest).subquery()
 
+    def oldest_of(self, lot: Lot, *conditions: ColumnElement[bool], newest: int | None) -> str:
+        """Return the oldest of the newest first attempts that `chosen` returns, '' where all are meant.
+
+        Said of the rows that are joined with them, it leaves a database the months that it needs not look into.
+        """
+        if newest is None:
+            return ""
+        asked = self.of(select(RUNS.c.run), lot).where(*conditions).order_by(RUNS.c.run.desc())
+        return str(self.connection.execute(asked.offset(newest - 1).limit(1)).scalar() or "")
+
     def choices(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return all recipes and models of the folder."""
         return values_of(self.connection, self.chain, "recipe"), values_of(self.connection, self.chain, "model")

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, and_, case, func, literal, null, or_, select
 
 from station.store.quality.lot import Lot, Production
-from station.store.quality.values import MEANING, Characteristic
+from station.store.quality.values import MEANING, Characteristic, metrics_from
 from station.store.tables import METRICS, RUNS
 
 RANKS = {"PASS": 0, "NOT DECIDABLE": 1, "FAIL": 2}
@@ -84,17 +84,20 @@ def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) ->
     this = and_(*(func.coalesce(METRICS.c[name], "") == getattr(what, name) for name in MEANING))
     new = func.max(case((this, rank_under(rule)), else_=null()))
     others = func.max(case((and_(~this, METRICS.c.main), _rank_now()), else_=null()))
+    oldest = production.oldest_of(lot, RUNS.c.valid, newest=lot.newest)
     together = (METRICS.c.chain == runs.c.chain) & (METRICS.c.run == runs.c.run)
     grouped: Select[Any] = (
         select(runs.c.run, runs.c.serial, new.label("new"), func.coalesce(others, 0).label("others"))
         .select_from(runs)
         .join(METRICS, together)
+        .where(metrics_from(production, oldest))
         .group_by(runs.c.run, runs.c.serial)
     )
     of = grouped.subquery()
     after = case((of.c.new > of.c.others, of.c.new), else_=of.c.others)
     asked = select(of.c.run, of.c.serial, RUNS.c.verdict.label("before"), after.label("after"))
     asked = asked.select_from(of).join(RUNS, (RUNS.c.chain == production.chain.id) & (RUNS.c.run == of.c.run))
+    asked = asked.where(RUNS.c.run >= oldest)
     return asked.where(of.c.new.is_not(None)).subquery()
 
 

@@ -132,7 +132,7 @@ def values(production: Production, lot: Lot, what: Characteristic, side: str) ->
         METRICS.c.value,
         METRICS.c.uncertainty,
     )
-    asked = _of(select(*columns), runs, what, side).order_by(runs.c.run)
+    asked = _of(select(*columns), runs, what, side).where(_in_reach(production, lot)).order_by(runs.c.run)
     return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
 
 
@@ -195,6 +195,7 @@ def other_meanings(production: Production, lot: Lot, what: Characteristic) -> in
     """Return how many of the newest valid first attempts mean something else by a metric of this name."""
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
     asked = select(func.count()).select_from(runs).join(METRICS, _together(runs)).where(METRICS.c.main)
+    asked = asked.where(_in_reach(production, lot))
     asked = asked.where(METRICS.c.metric == what.metric, METRICS.c.choices == what.choices)
     asked = asked.where(func.coalesce(METRICS.c.branch, "") == what.branch)
     differs = [func.coalesce(METRICS.c[name], "") != getattr(what, name) for name in MEANING]
@@ -207,6 +208,17 @@ def _of(asked: Select[Any], runs: Subquery, what: Characteristic, side: str) -> 
     for name in MEANING:
         asked = asked.where(func.coalesce(METRICS.c[name], "") == getattr(what, name))
     return asked
+
+
+def _in_reach(production: Production, lot: Lot) -> ColumnElement[bool]:
+    """Return the condition that rows of metrics are not older than the runs that values are of."""
+    return metrics_from(production, production.oldest_of(lot, RUNS.c.valid, newest=lot.newest))
+
+
+def metrics_from(production: Production, oldest: str) -> ColumnElement[bool]:
+    """Return the condition that rows of metrics are of a run or of later ones."""
+    found: ColumnElement[bool] = (METRICS.c.chain == production.chain.id) & (METRICS.c.run >= oldest)
+    return found
 
 
 def _together(runs: Subquery) -> ColumnElement[bool]:

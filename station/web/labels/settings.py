@@ -83,7 +83,9 @@ def _text(path: Path) -> str:
     except OSError as error:
         raise refused(path, error, "read") from error
     if len(content) > LARGEST_TEMPLATE:
-        raise LabelError(f"{path}: is larger than {LARGEST_TEMPLATE} bytes, so it is no template of a label")
+        raise LabelError(
+            f"{path}: is larger than {LARGEST_TEMPLATE} bytes, so it is no label template. Name another file"
+        )
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:

@@ -224,7 +224,7 @@ def test_objects_that_are_half_there_gone_or_strange_are_named(archived: Path, t
     assert set(found) == {"changed", "missing", "strange"}
     assert "part-of-nobody" in found["strange"].text
     lost = next(run for run, one in read_note(data).runs.items() if second.name in one.line.full.name)
-    assert "is not there" in why_not_archived(data, place, Store(data).find(lost))
+    assert "is missing" in why_not_archived(data, place, Store(data).find(lost))
 
 
 def test_a_run_that_is_not_as_it_was_sealed_is_left_out(runs: Path, tmp_path: Path) -> None:

@@ -7,6 +7,7 @@ from alembic import op
 
 from station.store.plant.hours import count_all_hours
 from station.store.plant.months import make_months, make_rest
+from station.store.plant.sizes import tell_sizes
 
 revision = "0006"
 down_revision = "0005"
@@ -53,7 +54,6 @@ def upgrade() -> None:
     text = sa.Text(collation="C") if divided else sa.Text()
     op.add_column("runs", sa.Column("hour", text, nullable=False, server_default=""))
     op.add_column("runs", sa.Column("again", sa.Boolean(), nullable=False, server_default=sa.false()))
-    op.execute(MEASURED_AGAIN)
     op.execute("UPDATE runs SET hour = COALESCE(substr(started, 1, 13), '')")
     if divided:
         _order_texts(connection)
@@ -69,9 +69,11 @@ def upgrade() -> None:
             op.drop_index(name, table)
             op.create_index(name, table, list(columns))
     op.create_index("runs_hour", "runs", ["chain", "hour"])
+    op.execute(MEASURED_AGAIN)
     where: sa.ColumnElement[bool] = sa.literal_column("again")
     op.create_index("runs_again", "runs", list(AGAIN), sqlite_where=where, postgresql_where=where)
     _make_hours(text)
+    tell_sizes(connection)
     count_all_hours(connection)
 
 

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 DECISIONS: dict[int, str] = {
     1: "as recorded first",
-    2: "drive and angle sensor are compared by the age since the request and the largest speed in that time; "
-    "the recovery after a fault also unloads a residual torque just below that at which the lock may open",
-    3: "a complete run ends when both torque zeroes have been recorded again, with the lock open; "
-    "the bit that resets a drive's fault is set until the drive leaves the fault, for 100 ms at most, and is set "
-    "again 100 ms later",
+    2: "the comparison of drive and angle sensor allows for the age of the sample, counted from its request, and for "
+    "the largest speed in that time; the recovery after a fault also unloads a residual torque that is just small "
+    "enough to open the lock",
+    3: "a complete run ends after the zeroes of both torque sensors were read again with the lock open; "
+    "the fault reset bit of the drive is set until the drive leaves the fault, for 100 ms at most. It is set again "
+    "after a pause of 100 ms",
 }
 """Version, and what the controller decides otherwise than in the one before."""
 

@@ -62,7 +62,7 @@ CHECK_SCALES = "check units and scale of angles and torques, then the stiffness 
 _ROWS = (
     Check(
         "record", "Record errors", NUMBER, 0.0,
-        "errors of the record as a whole",
+        "number of errors in the record",
         "the record has errors",
         "measure again",
     ),
@@ -98,8 +98,8 @@ _ROWS = (
     ),
     Check(
         "torque_zeroes", "Torque zeroes after the run", FRACTION, 100.0,
-        "change of a torque sensor's zero in the run, relative to the change that the bench file allows (tared_zero, "
-        "at_rest)",
+        "change of a torque sensor's zero during the run, relative to the change that the bench file allows "
+        "(tared_zero, at_rest)",
         "the zero of a torque sensor changed in the run",
         "check mounting, cable and temperature of the torque sensor, then measure again",
     ),
@@ -111,7 +111,7 @@ _ROWS = (
         at_least=True, settable=SAMPLE_COUNTS,
     ),
     Check(
-        "angle_steps", "Steps of the wind-up", FRACTION, 3.0,
+        "angle_steps", "Resolution of the wind-up", FRACTION, 3.0,
         "smallest step between two values of the wind-up, relative to the whole wind-up",
         "the angles are too coarse",
         "record the angles with more digits, or with a finer encoder",
@@ -120,14 +120,14 @@ _ROWS = (
         "late_torque", "Delay at the ends of the ramps", FRACTION, 0.25,
         "torque error caused by the delay between torque and angle, where a ramp ends or the load reverses, relative "
         "to the reference torque",
-        "torque and wind-up do not stop, or turn, at the same time",
+        "torque and wind-up do not stop or reverse at the same time",
         "set the filters of torque and angles as in the bench file, or give their lags there",
         explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "clipping", "Clipping", FRACTION, 1.0,
         "change of the wind-up while the torque stays exactly at its largest value, relative to the whole wind-up; or "
-        "change of the torque while the angle of the loaded shaft stays, relative to the whole torque",
+        "change of the torque while the angle of the loaded shaft stays constant, relative to the whole torque range",
         "the torque stays at its largest value while the unit still turns: the channel is saturated",
         "use a sensor or a range that covers the peak torque of the cycles",
         explained_by="angle_steps", settable=SHARES,
@@ -136,7 +136,7 @@ _ROWS = (
         "wrong_way", "Energy of the loop", LOSS, 0.0,
         "smallest loop energy of all cycles; it must be positive",
         "the loop energy is not positive",
-        "torque or angle has the wrong sign, or the branches are exchanged",
+        "check the signs of torque and angle, and that loading and unloading branch are not exchanged",
         at_least=True,
     ),
     Check(
@@ -162,14 +162,14 @@ _ROWS = (
     ),
     Check(
         "copied_cycles", "Copied cycles", FRACTION, 50.0,
-        "share of the samples of a branch that are identical to those of another cycle; where the noise of a sensor is "
-        "specified, share of the noise that is identical",
+        "share of the samples of a branch that are identical to the samples of another cycle. If the bench file gives "
+        "the noise of a sensor: share of identical noise values",
         "cycles are copies of each other",
         "measure again: copies have no scatter, so they give no uncertainty",
     ),
     Check(
         "repeated_samples", "Repeated samples", FRACTION, 20.0,
-        "share of the samples of a branch that are identical to the sample before, where noise is specified",
+        "share of the samples of a branch that are identical to the sample before, if the bench file gives the noise",
         "samples were recorded more than once",
         "record each sample once, not faster than the amplifier measures",
         settable=SHARES,
@@ -184,7 +184,7 @@ _ROWS = (
     ),
     Check(
         "noise_low", "Lowest noise of a torque", FRACTION, 15.0,
-        "noise of a torque in its quietest 50 samples, relative to the sensor specification",
+        "smallest noise of a torque in any 50 successive samples, relative to the sensor specification",
         "the torque has less noise than its sensor specification, at least for a while",
         "switch off filters behind the sensor: they narrow the loop. If the sensor is "
         "better than specified, correct its noise in the bench file",
@@ -192,20 +192,20 @@ _ROWS = (
     ),
     Check(
         "noise_high", "Highest noise of a torque", FRACTION, 500.0,
-        "noise of a torque over all cycles, relative to the sensor specification; the noisier sensor",
+        "noise of a torque over all cycles, relative to the sensor specification; larger value of both sensors",
         "the torque has more noise than its sensor specification",
         "check cables, earthing and the resolution of the channel",
     ),
     Check(
         "time_scale", "Time scale", NUMBER, 5.0,
-        "torque rate of a branch divided by the planned rate, or the reverse: the larger of the two",
+        "measured torque rate of a branch over the planned rate, or planned over measured: the larger of the two",
         "the torque changes far faster or slower than the recipe plans",
         "check that the time column is in seconds, then the torque rates in the recipe",
     ),
     Check(
         "ramp_rate", "Ramp rate", FRACTION, 50.0,
         "deviation from the steady ramp rate, 90th percentile of a branch",
-        "the load does not follow a steady ramp",
+        "the torque does not rise or fall at a steady rate",
         "check the drive, or load slower",
         settable=SHARES,
     ),
@@ -232,21 +232,22 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
-        "efficiency_low", "Efficiency, lower side", FRACTION, 50.0,
-        "efficiency while loading: slope of T_out over T_in, divided by the ratio; the lower side",
+        "efficiency_low", "Lowest efficiency", FRACTION, 50.0,
+        "efficiency while loading: slope of T_out over T_in, divided by the ratio; smaller value of both sides",
         "the output torque is too low for a unit of this ratio",
         CHECK_RATIO, at_least=True, settable=EFFICIENCIES, below="efficiency_high",
     ),
     Check(
-        "efficiency_high", "Efficiency, higher side", FRACTION, 102.0,
-        "efficiency while loading: slope of T_out over T_in, divided by the ratio; the higher side",
+        "efficiency_high", "Highest efficiency", FRACTION, 102.0,
+        "efficiency while loading: slope of T_out over T_in, divided by the ratio; larger value of both sides",
         "the output torque is too high for a unit of this ratio",
         CHECK_RATIO, settable=EFFICIENCIES,
     ),
     Check(
         "ratio_agreement", "Gear ratio from the torques", FRACTION, 0.25,
-        "ratio from the torques (harmonic mean of the slopes of loading and unloading): its deviation from the ratio "
-        "in the recipe, or between both sides, less what sensor gains, friction and the scatter of the lines explain",
+        "deviation of the ratio calculated from the torques (harmonic mean of the slopes of loading and unloading) "
+        "from the ratio in the recipe, or between both sides. The part that sensor gains, friction and scatter can "
+        "cause is subtracted",
         "the measured ratio differs from the ratio in the recipe",
         CHECK_RATIO, settable=SHARES, leaves_open=LeavesOpen("gain of the output torque, or ratio in the recipe", "%"),
     ),
@@ -280,7 +281,7 @@ _ROWS = (
     ),
     Check(
         "locked_motion", "Motion of the locked shaft", FRACTION, 2.0,
-        "motion of the locked shaft that its torque does not explain, relative to the whole wind-up",
+        "motion of the locked shaft that is not fixture deflection under its torque, relative to the whole wind-up",
         "the locked shaft moves",
         "check the lock, its encoder, and that both angles belong to this unit",
         explained_by="angle_steps", settable=SHARES,
@@ -293,56 +294,57 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
-        "stiffness_low", "Stiffness against the catalogue, softer side", NUMBER, 0.5,
-        "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
-        "softer side",
-        "the unit measures far softer than the stiffness in the recipe: no defect explains that",
+        "stiffness_low", "Lowest stiffness against the catalogue", NUMBER, 0.5,
+        "measured stiffness (secant in the middle of each side) divided by the stiffness in the recipe "
+        "(unit_under_test.stiffness); smaller value of both sides",
+        "the measured stiffness is far below the stiffness in the recipe: no defect of a unit can cause that",
         CHECK_SCALES, at_least=True,
     ),
     Check(
-        "stiffness_high", "Stiffness against the catalogue, stiffer side", NUMBER, 1.5,
-        "stiffness of the loop (secant in the middle of each side) over unit_under_test.stiffness of the recipe; the "
-        "stiffer side",
-        "the unit measures far stiffer than the stiffness in the recipe",
+        "stiffness_high", "Highest stiffness against the catalogue", NUMBER, 1.5,
+        "measured stiffness (secant in the middle of each side) divided by the stiffness in the recipe "
+        "(unit_under_test.stiffness); larger value of both sides",
+        "the measured stiffness is far above the stiffness in the recipe",
         CHECK_SCALES,
     ),
     Check(
         "loss", "Hysteresis loss", FRACTION, 1.0,
-        "smallest loop energy of all cycles, relative to the rectangle of torque and wind-up around the loop",
-        "the hysteresis loss is less than the friction of a reducer: loading and unloading branch are nearly one curve",
-        "check that both branches were measured, and the lag of torque against angle",
+        "smallest loop energy of all cycles, relative to torque range times wind-up range",
+        "the hysteresis loss is too small for a reducer: loading and unloading branch are nearly the same curve",
+        "check that both branches were measured. Then check the filters and lags of torque and angle",
         at_least=True, settable=SHARES,
     ),
     Check(
         "width_growth", "Growth of the width with the load", FRACTION, 10.0,
-        "growth of the loop width from 30 % to 70 % of the peak torque, relative to the width; the larger side",
-        "the loop gets wider towards its turning points, which friction cannot cause: the wind-up creeps back "
-        "against its torque, or an angle is wrong",
+        "growth of the loop width from 30 % to 70 % of the peak torque, relative to the width; larger value of "
+        "both sides",
+        "the loop gets wider towards its turning points, which friction cannot cause: the wind-up moves back "
+        "against the torque, or an angle is wrong",
         "let unit and bench come to rest before measuring, check lock, couplings and encoders, and measure again",
         explained_by="angle_steps", settable=SHARES,
     ),
     Check(
         "creep_back", "Wind-up moving back while the torque is held", FRACTION, 0.5,
-        "movement of the wind-up against the torque while it is held (dwells): rate times the duration of a branch, "
-        "relative to the whole wind-up",
-        "while the torque is held, the wind-up moves back; a reducer moves on in the direction of its torque",
+        "speed of the wind-up against the direction of the torque while the torque is held (dwells), times the "
+        "duration of a branch, relative to the whole wind-up",
+        "the wind-up moves back while the torque is held; a reducer can only move in the direction of the torque",
         "check that the lock does not slip and that couplings and encoders are tight. Let unit and bench reach one "
         "temperature. Then measure again",
         explained_by="angle_steps", settable=SHARES,
     ),
     Check(
-        "angle_waves", "Waves of the wind-up", FRACTION, 0.1,
-        "amplitude of a wave over the angle in loading branches, beyond noise, rounding and the declared error of the "
-        "encoders, relative to the whole wind-up",
-        "an angle has an error that repeats as its encoder turns",
+        "angle_waves", "Periodic error of an angle", FRACTION, 0.1,
+        "amplitude of a periodic angle error in loading branches, relative to the whole wind-up. Noise, rounding and "
+        "the encoder errors in the bench file are subtracted",
+        "an angle has an error that repeats while the encoder turns",
         "check mounting, coupling and electrical adjustment of the encoders, and measure again",
         explained_by="angle_steps", settable=SHARES,
         leaves_open=LeavesOpen("fast wave of the loaded shaft's encoder, at that shaft", "arcmin"),
     ),
     Check(
         "calibrated_turn", "Turning points of the calibration", FRACTION, 0.4,
-        "deviation of the input torque at the turning points of the cycles from that at the turning points of the "
-        "calibration; only where the loop torque is calculated from the input torque",
+        "difference of the input torque between the turning points of the cycles and those of the calibration; only if "
+        "the output torque is calculated from the input torque",
         "cycles and calibration have different turning points",
         "calibrate to the peak torque of the cycles",
         settable=SHARES,
@@ -350,37 +352,37 @@ _ROWS = (
     Check(
         "calibrated_gap", "Gap in the calibration", FRACTION, 1.0,
         "largest torque range without a sample in a branch of the calibration, relative to the reference torque; only "
-        "where the loop torque is calculated from the input torque",
+        "if the output torque is calculated from the input torque",
         "the calibration has a gap",
         "calibrate again, slower or with a higher sampling rate",
         settable=SHARES,
     ),
     Check(
         "calibrated_zero", "Zero offset by the calibration", FRACTION, 95.0,
-        "output torque at which the calibration finds no load, relative to the range that it searches; only "
-        "where the loop torque is calculated from the input torque",
+        "output torque without load, as the calibration finds it, relative to its search range; only if the output "
+        "torque is calculated from the input torque",
         "the zero of the output torque was not found",
         "tare the output torque sensor at rest and without load, and calibrate again",
     ),
     Check(
         "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
-        "zero offset of the output torque sensor, read where the straight lines of T_out over T_in for loading and "
-        "unloading cross; the declared offset (tared_zero) is subtracted; relative to the reference torque",
+        "zero offset of the output torque sensor beyond its offset in the bench file (tared_zero), relative to the "
+        "reference torque. It is the point where the lines of T_out over T_in for loading and unloading cross",
         "the output torque sensor does not read zero without load",
         "tare it at rest and without load, and check its zero; then measure again",
         settable=SHARES,
     ),
     Check(
         "torque_lines", "Residual of the torque ratio", FRACTION, 0.5,
-        "residual of the straight-line fit of T_out over T_in, loading (rms), relative to the reference torque",
+        "residual (rms) of the straight-line fit of T_out over T_in while loading, relative to the reference torque",
         "output torque over input torque is not a straight line",
-        "check both torque channels for range, linearity and filters that lag",
+        "check range, linearity and filters of both torque channels",
         settable=SHARES,
     ),
     Check(
         "torque_bend", "Curvature of the torque ratio", FRACTION, 1.0,
-        "change of the slope of T_out over T_in with the load, loading, beyond the declared gains of both sensors and "
-        "the scatter of the points",
+        "change of the slope of T_out over T_in with the load, while loading. The part that the sensor gains in the "
+        "bench file and the scatter of the points can cause is subtracted",
         "a torque channel is not linear: its gain changes with the load",
         "calibrate both torque channels over their range, and check their mounting for side loads",
         settable=SHARES, leaves_open=LeavesOpen("hysteresis of the output torque sensor at mid-range", "N·m"),
@@ -394,16 +396,16 @@ _ROWS = (
     ),
     Check(
         "drive_torque_gap", "Hysteresis between drive and torque sensor", FRACTION, 1.0,
-        "deviation between drive torque and sensor torque on the loaded shaft: its value on the rising branch minus "
-        "that on the falling branch, relative to the torque between the turning points",
+        "deviation between drive torque and sensor torque on the loaded shaft: rising branch minus falling branch, "
+        "relative to the torque between the turning points",
         "the torque sensor lags behind the drive, or friction lies between them",
-        "set the filters of both torque channels as in the bench file, or load slower and see whether it stays",
+        "set the filters of both torque channels as in the bench file, then measure again with slower loading",
         settable=SHARES, leaves_open=LeavesOpen("delay of both torques within a ramp, as torque at mid-range", "N·m"),
     ),
     Check(
         "drive_angle_agreement", "Agreement of drive and angle encoder", FRACTION, 2.0,
-        "deviation between drive position and encoder angle of the loaded shaft: its change within a branch, after "
-        "a constant delay is subtracted, relative to the travel of the shaft",
+        "deviation between drive position and encoder angle of the loaded shaft: its change within a branch, relative "
+        "to the travel of the shaft. A constant delay is subtracted",
         "the drive's position and the angle of the loaded shaft do not agree",
         "check line count, scale and mounting of the encoder, then the drive's gear ratio and couplings",
         settable=SHARES,
@@ -411,9 +413,9 @@ _ROWS = (
     ),
     Check(
         "drive_angle_direction", "Delay of the angle encoder within a ramp", FRACTION, 0.25,
-        "deviation between drive position and encoder angle of the loaded shaft: its value on the rising branch minus "
-        "that on the falling branch at the same angle, after a constant delay and the twist of the coupling are "
-        "subtracted, relative to the travel of the shaft",
+        "deviation between drive position and encoder angle of the loaded shaft: rising branch minus falling branch at "
+        "the same angle, relative to the travel of the shaft. A constant delay and the twist of the coupling are "
+        "subtracted",
         "the angle of the loaded shaft is delayed in a part of the ramps",
         "check filter and supply of the encoder. Check the coupling between drive and encoder for play. Then measure "
         "again",
@@ -422,7 +424,7 @@ _ROWS = (
     ),
     Check(
         "drive_angle_repeat", "Delay of the angle encoder between branches", FRACTION, 0.15,
-        "deviation between drive position and encoder angle of the loaded shaft: its difference between branches of "
+        "deviation between drive position and encoder angle of the loaded shaft: difference between two branches of "
         "the same direction at the same angle, relative to the travel of the shaft",
         "the delay between drive and angle encoder differs from branch to branch",
         "check cable, supply and filter of the encoder, and measure again",
@@ -431,7 +433,7 @@ _ROWS = (
     Check(
         "locked_compliance", "Fixture compliance", FRACTION, 30.0,
         "measured fixture compliance, relative to the declared one",
-        "the locked shaft does not deflect as its fixture should",
+        "the measured fixture compliance is too small for the fixture in the bench file",
         "check the encoder of the locked shaft, its sign, and the stiffness of the fixture in the bench file",
         at_least=True, settable=SHARES,
     ),

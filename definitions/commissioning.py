@@ -83,6 +83,9 @@ STEPS: tuple[Step, ...] = (
 )
 # fmt: on
 
+CHANGED, UNFINISHED = "bench changed since it was commissioned", "bench not commissioned to the end"
+"""How the note of a result begins whose bench file or profiles are not those that every step passed with."""
+
 STEP_BY_ID = {step.id: step for step in STEPS}
 
 NOT_COMMISSIONED = {

@@ -216,8 +216,8 @@ _ROWS = (
     ),
     Metric(
         "gear_clearance", "j", "Gear clearance (unloading branches at zero torque)", ARCMINUTES,
-        "unloading branches at zero torque: half the distance between r(0) and f(0). Each side is measured from their "
-        "mean, so both sides show half the width; variant intercept measures from the zero of the angle",
+        "half the distance between the unloading branches at zero torque, r(0) and f(0); both sides show the same "
+        "value. Variant intercept: distance of each branch from the zero of the angle",
         "static testing", LOOSE, PLAY,
         sides=(*BOTH, *SIDED), branches=UNLOAD, variants=("centred", "intercept"), span=(0.0, 0.0),
     ),
@@ -241,26 +241,26 @@ _ROWS = (
         "stiffness_lsq", "K_lsq", "Stiffness (least squares, 20–80 % T_r)", STIFFNESS,
         "least squares of wind-up over 200 equally spaced torques of the loading branch, 20–80 % of the "
         "reference torque",
-        "static testing; stiffness characterization 4.4", SOFT, CATALOGUE,
+        "static testing; stiffness characterization, section 4.4", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8, span=(0.2, 0.8),
     ),
     Metric(
         "stiffness_two_point", "K_2p", "Stiffness (chord, 20–80 % T_r)", STIFFNESS,
         "chord of the loading branch between 20 % and 80 % of the reference torque",
-        "stiffness characterization 4.3", SOFT, CATALOGUE,
+        "stiffness characterization, section 4.3", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=0.8, span=(0.2, 0.8),
     ),
     Metric(
         "stiffness_end_point", "K_ep", "Stiffness (end point: chord of the unloading branch)", STIFFNESS,
         "reference torque divided by a wind-up: loading branch at that torque minus unloading branch at zero torque; "
         "higher than the chord of loading",
-        "stiffness characterization 4.2", SOFT, CATALOGUE,
+        "stiffness characterization, section 4.2", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
         "stiffness_estimate", "K_est", "Stiffness (chord, 0–100 % T_r)", STIFFNESS,
         "chord of the whole loading branch, from zero to the reference torque; the slope as read by eye",
-        "stiffness characterization 4.1", SOFT, CATALOGUE,
+        "stiffness characterization, section 4.1", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
     Metric(

@@ -84,9 +84,8 @@ NOT_TRIED = "not tried on hardware"
 """What is said of a profile that was written from a drive's documents alone."""
 
 UNPROVEN = (
-    "not measured: whether this drive removes its torque when the program dies. Its settings were read back; some "
-    "drives hold"
-    " them and do not act on them. Measure it once: lostmotion bench watchdogs."
+    "not measured: whether this drive removes its torque when the program dies. Its settings were read back, but some "
+    "drives do not act on them. Measure it once: lostmotion bench watchdogs."
 )
 """What every result says of a bench on real wires, where nobody knows what the drive does."""
 

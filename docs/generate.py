@@ -225,7 +225,7 @@ def safety() -> str:
         if fault.live_in
     ]
     return (
-        "# What protects, what proves it, what happens without it\n\n" + NOTE +
+        "# Protections, their proof, and what happens without them\n\n" + NOTE +
         "\n**This software is not a safety function.** Emergency stop, guard switch and safe torque off are wired in hardware. The software"
         " watches them and reacts, nothing more. Without that wiring nothing on this page protects a person.\n"
         "\n## Of the drive\n\nWhat the drive enforces or tells by itself, also when this program is dead. A profile names the way in which its"

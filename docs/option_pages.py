@@ -45,6 +45,7 @@ from recipes.schema.recipe_schema import (
     Sampling,
     UnitUnderTest,
     Validity,
+    WhatToDo,
 )
 from recipes.schema.sequence_schema import (
     Calibrate,
@@ -114,7 +115,7 @@ def _options(model: type[BaseModel]) -> str:
 RECIPE_SECTIONS = {
     "recipe": Header, "unit_under_test": UnitUnderTest, "unit_under_test.loading_torque_ratio": LoadingTorqueRatio,
     "measurement": Measurement, "sampling": Sampling, "interlocks": Interlocks, "metrics (each)": MetricWanted,
-    "decision": Decision, "validity": Validity,
+    "decision": Decision, "validity": Validity, "what_to_do": WhatToDo,
 }  # fmt: skip
 RECIPE_STEPS = {
     "home": Home, "lock": Lock, "calibrate": Calibrate, "torque_cycles": TorqueCycles, "speed_cycles": SpeedCycles,

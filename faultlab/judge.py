@@ -152,10 +152,10 @@ def _event(run: FaultRun, expect: Expect) -> str:
     if not found:
         return f"alarms were: {alarms_given(run)}"
     if acted is None:
-        return "no fault has acted"
+        return "the injected fault had no effect"
     after = [place for place in found if place >= acted]
     if not after:
-        return f"the alarm came before the fault acted; alarms were: {alarms_given(run)}"
+        return f"the alarm came before the fault took effect; alarms were: {alarms_given(run)}"
     waited = run.waited(acted, after[0])
     return (
         "" if waited <= (expect.within_scans or 0) else f"came after {waited} scans; alarms were: {alarms_given(run)}"
@@ -218,7 +218,7 @@ def _order(run: FaultRun, expect: Expect) -> str:
 def _torque_below(run: FaultRun, expect: Expect) -> str:
     begin = first_action(run) if expect.since == "fault" else first_alarm(run)
     if begin is None:
-        return "no fault has acted" if expect.since == "fault" else "there was no alarm"
+        return "the injected fault had no effect" if expect.since == "fault" else "there was no alarm"
     limit_nm = expect.torque_below_nm or 0.0
     scans = low_from(run, begin, limit_nm)
     if scans is not None and scans * run.period_s <= (expect.within_s or 0.0):
@@ -270,7 +270,7 @@ def _never_order(run: FaultRun, never: Never) -> str:
 
 
 def _refused(_run: FaultRun, _expect: Expect) -> str:
-    return "the bench was opened"
+    return "the bench was opened, although the start must be refused"
 
 
 def _found_as(run: FaultRun, expect: Expect) -> str:

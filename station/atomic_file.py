@@ -21,7 +21,7 @@ _PUT_BACK = "Restore the missing folder"
 NEXT_ACTIONS: dict[int, str] = {
     ENOSPC: "Free the disk",
     EDQUOT: "Free disk space of this user, or raise the disk quota",
-    EROFS: "Mount the disk for writing. If it is mounted so, the disk failed: see dmesg and check the disk",
+    EROFS: "Mount the disk for writing. If it already is, the disk failed: see dmesg and check the disk",
     EIO: "The disk failed or is disconnected: see dmesg, check its cable, and replace it before the next run",
     EACCES: _LET_IN,
     EPERM: _LET_IN,

@@ -44,7 +44,7 @@ class Led(Protocol):
         """Tell whether something that was sent before a message is not there yet."""
 
     def give_up(self, message: ToBench) -> None:
-        """Do without what is missing, now and later."""
+        """Do without what is missing."""
 
     def let_scan_pass(self, message: ToBench) -> FromBench:
         """Do what has come, let the period pass, and return the answer."""

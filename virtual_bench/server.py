@@ -22,6 +22,7 @@ from typing import Any
 from definitions.image import State
 from drivers.config import DriveBrakeConfig
 from drivers.pace import FromBench, ToBench
+from virtual_bench.awaited import Awaited
 from virtual_bench.bench_time import BenchTime
 from virtual_bench.config import CanBus, CanSensorPort, ModbusPort, ServerConfig, Shown, SlcanPort, Socketcand
 from virtual_bench.devices.can_sensors import CanSensor
@@ -73,7 +74,7 @@ class VirtualBench:
         self._frames_waiting: list[tuple[int, bytes]] = []
         self._frames_come = 0
         self._frames_sent_before = 0
-        self._given_up: tuple[int, ...] = (0,) * (1 + len(config.devices))
+        self._awaited = [Awaited() for _ in range(1 + len(config.devices))]
         self._brake_on = 0
         self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self.unit = bench.unit
@@ -189,7 +190,7 @@ class VirtualBench:
         self._at_rest = False
         self._period_ns, self._begun_ns = period_ns, self.time.now_ns
         self._frames_come, self._frames_sent_before = 0, self.can.frames_sent
-        self._given_up = (0,) * len(self._given_up)
+        self._awaited = [Awaited() for _ in self._awaited]
         for server in self.servers.values():
             server.requests = server.bytes_sent = 0
         self.time.lead()
@@ -210,18 +211,29 @@ class VirtualBench:
 
     def missing(self, message: ToBench) -> bool:
         """Tell whether something that was sent before a message is not there yet and may still come."""
+        self._take_back()
         reachable = (self.can.connected, *(server.reachable for server in self.servers.values()))
-        rows = zip(self._sent(message), self._come(), self._given_up, reachable, strict=True)
-        return any(sent > come + given_up and there for sent, come, given_up, there in rows)
+        rows = zip(self._awaited, self._sent(message), self._come(), reachable, strict=True)
+        return any(one.missing(sent, come) and there for one, sent, come, there in rows)
+
+    def _take_back(self) -> None:
+        """Answer a request that was given up and has come at once: its device may take no other one before that."""
+        frames, *requests = zip(self._awaited, self._come(), strict=True)
+        frames[0].take_back(frames[1])
+        for (one, come), server in zip(requests, self.servers.values(), strict=True):
+            if one.take_back(come):
+                server.answer_waiting()
 
     def give_up(self, message: ToBench) -> None:
-        """Do without what is missing, now and later."""
-        rows = zip(self._sent(message), self._come(), self._given_up, strict=True)
-        self._given_up = tuple(max(sent - come, given_up) for sent, come, given_up in rows)
+        """Do without what is missing."""
+        for one, sent, come in zip(self._awaited, self._sent(message), self._come(), strict=True):
+            one.give_up(sent, come)
 
     def let_scan_pass(self, message: ToBench) -> FromBench:
         """Take what has come, let the period pass and those that faults make the scan miss, and return the answer."""
         self._take_waiting()
+        for one, sent in zip(self._awaited, self._sent(message), strict=True):
+            one.acted(sent)
         faults = self.drive.faults
         faults.tell(State(message.state).name.lower(), message.number)
         missed = faults.take_missed()

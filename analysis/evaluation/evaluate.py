@@ -25,7 +25,7 @@ from analysis.uncertainty.measurement import ONE_CYCLE, Measurement
 from definitions.metrics import GRADED, Metric
 
 UNTIMED = (
-    "delay and drift are not in its uncertainty, because the trace has no time; the guard band needs them: record "
+    "delay and drift are missing in its uncertainty, because the trace has no time. A guard band needs both: record "
     "the time (t_s)"
 )
 UNBOUNDED = (
@@ -278,7 +278,7 @@ def _because(  # noqa: PLR0917 - what was found, and what it was held against
     if budget is not None and verdict is Verdict.NOT_DECIDABLE:
         return (
             f"{value:.4g}{unit} is too near to the limit of {bound:g}{unit} for its uncertainty of "
-            f"{budget.expanded:.2g}{unit}: neither PASS nor FAIL can be defended; {_what_helps(budget)}"
+            f"{budget.expanded:.2g}{unit}: it is neither PASS nor FAIL; {_what_helps(budget)}"
         )
     where, meaning = ("below", row.bad.too_low) if limit == "min" else ("above", row.bad.too_high)
     return f"{value:.4g}{unit} is {where} the limit of {bound:g}{unit}: {meaning}"

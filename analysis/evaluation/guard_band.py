@@ -57,7 +57,9 @@ class Risks:
 def normal_process(mean: float, sd: float) -> Process:
     """Return a normal process; AnalysisError unless the standard deviation is above zero and the tails are numbers."""
     if not (math.isfinite(mean) and math.isfinite(sd) and sd > 0.0):
-        raise AnalysisError(f"process: mean {mean:g}, standard deviation {sd:g}; expected a spread above zero")
+        raise AnalysisError(
+            f"process: mean {mean:g}, standard deviation {sd:g}; expected a standard deviation above zero"
+        )
     return _with_tails(Process(stats.norm(mean, sd), f"normal, mean {mean:g}, standard deviation {sd:g}"))
 
 

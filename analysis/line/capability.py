@@ -75,7 +75,9 @@ def indices(mean: float, sd: float, lower: float | None, upper: float | None) ->
             "limit on one side, omit it"
         )
     if not (sd > 0.0 and math.isfinite(sd) and math.isfinite(mean)):
-        raise AnalysisError(f"capability: mean {mean:g}, standard deviation {sd:g}; expected a spread above zero")
+        raise AnalysisError(
+            f"capability: mean {mean:g}, standard deviation {sd:g}; expected a standard deviation above zero"
+        )
     sides = [] if lower is None else [(mean - lower) / (3.0 * sd)]
     if upper is not None:
         sides.append((upper - mean) / (3.0 * sd))

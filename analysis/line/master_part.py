@@ -79,7 +79,7 @@ def master_part_trend(
     when, row = checked_row(days, "master part: days", 3), checked_row(values, "master part: values", 3)
     checked_level(level)
     if when.size != row.size:
-        raise AnalysisError(f"master part: {when.size} days for {row.size} values; expected one of each")
+        raise AnalysisError(f"master part: {when.size} days for {row.size} values; expected one day for each value")
     if (np.diff(when) < 0.0).any() or when[-1] <= when[0]:
         raise AnalysisError("master part: the days do not rise; sort the measurements by time")
     if not LEAST_BASELINE <= baseline <= row.size:

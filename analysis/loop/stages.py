@@ -7,17 +7,17 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 STAGES: dict[str, str] = {
-    "time alignment": "channels that lag are shifted to a common time",
+    "time alignment": "channels are shifted in time to compensate their lags",
     "wind-up": "angles of both shafts combined into one angle at the output",
     "turning points": "branches found by the commanded segments or by the turning points of the curve",
     "virgin quarter": "only full branches are used: no first rise, approaches, conditioning or final unloading",
     "output torque": "torque at the output, as measured or from the input torque by the torque ratio",
-    "drift": "wind-up over time from branches of the same direction in successive cycles",
+    "drift": "drift of the wind-up over time, from branches of the same direction in successive cycles",
     "fixture": "fixture deflection subtracted from the wind-up, sample by sample",
     "branches": "rising and falling branch of each cycle, paired",
-    "binning": "samples averaged in blocks along time, torque and angle alike",
-    "monotone regression": "torque smoothed to rise along a rising branch; points that become equal are averaged",
-    "reversal zones": "torque range after each turning point, where friction still reverses, left out of the fit",
+    "binning": "torque and angle averaged over blocks of successive samples",
+    "monotone regression": "torque smoothed so that it does not reverse within a branch; equal torques are averaged",
+    "reversal zones": "torque range after each turning point left out of the fit: friction still reverses there",
     "fits": "linear and quadratic segments of both branches and their mean curve",
     "uncertainty": "contributions to the uncertainty of the metrics",
 }

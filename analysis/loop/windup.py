@@ -70,9 +70,10 @@ def _refuse_lock_as_windup(trace: Trace) -> None:
     if trace.torque_in_nm is not None or calibrated:
         found = "the input torque (torque_in_nm)" if trace.torque_in_nm is not None else "calibrate segments"
         raise AnalysisError(
-            f"{trace.source}: found angle_out and {found}, and no angle_in: with the input loaded, angle_out is that "
-            "of the locked shaft; expected the angle of the input shaft. Add angle_in_rad or angle_in_arcmin; where "
-            "angle_out is a wind-up that was made elsewhere, give it with torque_out_nm alone"
+            f"{trace.source}: found angle_out and {found}, and no angle_in; expected the angle of the input shaft, "
+            "because angle_out belongs to the locked shaft if the input is loaded. Add angle_in_rad or "
+            "angle_in_arcmin. If angle_out is a wind-up from another program, leave out all columns but torque_out_nm "
+            "and angle_out"
         )
 
 

@@ -32,7 +32,7 @@ EQUATIONS = (
     "T = T₀ + Σ k_i s_i + Σ k_j side_j max(side_j (φ − φ_m) − from_j, 0); s_i follows φ and slips at ± its yield angle"
 )
 
-TEXT = "Slipping springs beside springs behind a gap: many parameters, all of them linear."
+TEXT = "Slipping springs and springs that engage after a gap, in parallel. Many parameters; the fit is linear."
 
 COMMON = {"offset_nm": "N·m", "middle_arcmin": "arcmin"}
 """Parameters that the model has once, and their units: T₀ and φ_m."""
@@ -178,7 +178,7 @@ def _non_negative(columns: FloatArray, torque_nm: FloatArray, allowed: BoolArray
     try:
         found, _ = optimize.nnls(columns[:, allowed] / scale, torque_nm)
     except (RuntimeError, ValueError) as error:
-        raise AnalysisError(f"model {NAME}: the fit fails on this loop: {error}; look at the loop") from error
+        raise AnalysisError(f"model {NAME}: the fit fails on this loop: {error}; check the measured loop") from error
     stiffness = np.zeros(columns.shape[1])
     stiffness[allowed] = found / scale
     return stiffness

@@ -106,7 +106,7 @@ def loop_samples(
         measured = measured[:-1]
     samples = _joined([(run.take(angle), run.take(torque), run.direction) for run in measured], most_points)
     if np.ptp(samples.angle_arcmin) <= 0.0 or np.ptp(samples.torque_nm) <= 0.0:
-        raise AnalysisError("model: angle or torque does not move; expected a loop; check the channels")
+        raise AnalysisError("model: angle or torque does not change; expected a loop; check the channels")
     return samples
 
 

@@ -96,7 +96,7 @@ def frequency_response(
     _, s_xy = signal.csd(x, y, **options)
     inside = (frequency >= low) & (frequency <= high)
     if not inside.any() or float(s_xx[inside].max()) <= 0.0:
-        raise AnalysisError("frequency response: the torque does not move within the band; check the chirp")
+        raise AnalysisError("frequency response: the torque does not change within the band; check the chirp")
     frequency, s_xx, s_yy, s_xy = frequency[inside], s_xx[inside], s_yy[inside], s_xy[inside]
     excited = s_xx > 1e-6 * float(s_xx.max())
     response = np.divide(s_xy, s_xx, out=np.zeros_like(s_xy), where=excited)

@@ -224,7 +224,7 @@ def _separator_of(header: str, first: str, file: Path, number: int) -> str:
     if len(chosen) > 1:
         found = " and ".join(SEPARATORS[sign] for sign in chosen)
         raise TableError(
-            file, f"{found} in the header", "one sign between the columns", "write 'sep=;' above", line=number
+            file, f"{found} in the header", "one separator", "write 'sep=;' as the first line", line=number
         )
     return chosen[0]
 

@@ -51,9 +51,8 @@ OPEN_WITHOUT_FIGURES = (
     "'left_open: told'"
 )
 OPEN_UNKNOWN = (
-    "'left_open: budget' needs a limit of this error, and there is none: {text} (the check {check} could not be "
-    "made); record what the "
-    "check needs, or write 'left_open: told'"
+    "'left_open: budget' needs the limit of this error from the check {check}, which did not apply: {text}; record "
+    "what the check needs, or write 'left_open: told'"
 )
 ONE_CYCLE = "is not known from one cycle; measure two cycles or more"
 

@@ -56,7 +56,7 @@ def drive_torque_gap(found: Measured) -> Reading | str:
     of the unit, which is in both torques, is no gap: it is taken off.
     """
     if found.method.loading == "output":
-        return "not measured: friction in the load servo's gearbox looks like a lag"
+        return "not possible with loading 'output': friction in the gearbox of the load servo looks like a lag"
     worst = 0.0
     for pair in found.pairs:
         differences, spans = [], []
@@ -237,10 +237,15 @@ def _apart(found: Measured) -> list[_Apart] | str:
         per_block = sum(rows.stop - rows.start for rows in run.pieces) // ANGLE_BLOCKS
         if len(run.pieces) > 1 or per_block < LEAST_PER_BLOCK:
             continue
-        time, turned, position = (_means(run.take(values)) for values in channels)
-        if (np.diff(time) > 0.0).all():
-            apart = position - turned
-            branches.append(_Apart(run, turned, apart - apart.mean(), np.gradient(turned, time)))
+        time, turned, position = (run.take(values) for values in channels)
+        edges = np.minimum(per_block * np.arange(ANGLE_BLOCKS + 1), time.size - 1)
+        took_s = np.diff(time[edges])
+        if (took_s > 0.0).all():
+            apart = _means(position) - _means(turned)
+            # Both count half: what one delay puts between them is then its product with this speed, to the second
+            # order. A speed by neighbouring blocks is too slow where the play is crossed within a few of them.
+            speed = np.diff(0.5 * (position + turned)[edges]) / took_s
+            branches.append(_Apart(run, _means(turned), apart - apart.mean(), speed))
     if not any(one.run.role == "measure" for one in branches):
         return f"not measured: no branch of one ramp has {ANGLE_BLOCKS * LEAST_PER_BLOCK} samples"
     # The median, for one branch may be the late one.

@@ -53,7 +53,7 @@ class IdentityRegister:
     def __post_init__(self) -> None:
         key, other = ("text", "value") if self.type == "text" else ("value", "text")
         if getattr(self, key) is None or getattr(self, other) is not None:
-            raise ValueError(f"an identity of type {self.type} needs the key {key}, without {other}")
+            raise ValueError(f"an identity of type {self.type} needs {key} and must not have {other}")
         if self.type != "text" and self.value is not None and self.value > RANGES[self.type][1]:
             raise ValueError(
                 f"found the identity {self.value}; allowed for {self.type}: at most {RANGES[self.type][1]}"
@@ -123,7 +123,8 @@ class ReadBlock:
     def __post_init__(self) -> None:
         if self.count > MOST_READ[self.table]:
             raise ValueError(
-                f"found count {self.count} for table {self.table}; one request reads at most {MOST_READ[self.table]}"
+                f"found count {self.count} for table {self.table}; one request reads at most "
+                f"{MOST_READ[self.table]}. Read fewer"
             )
         for field in self.fields:
             _check_table(field.name, field.type, self.table)

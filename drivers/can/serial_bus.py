@@ -104,7 +104,7 @@ class ScanSlcanBus(slcanBus):
         self._part = text[start:]
         if len(self._part) > LONGEST_LINE:
             raise CanOperationError(
-                f"this is no slcan adapter: its answer {self._part[:16]!r}… has no end. Check the port"
+                f"this is no slcan adapter: its answer {self._part[:16]!r}… is incomplete. Check the port"
             )
 
     def shutdown(self) -> None:

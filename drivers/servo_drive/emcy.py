@@ -9,6 +9,9 @@ from __future__ import annotations
 from types import MappingProxyType
 from typing import NamedTuple
 
+DRIVE_ALARMS = frozenset({"drive_fault", "drive_emergency", "drive_dropped_out"})
+"""Faults of the controller by their ids that the drive's emergency code explains."""
+
 
 class EmcyText(NamedTuple):
     """Cause and next action of an emergency code."""
@@ -113,3 +116,16 @@ def explain_emcy(code: int) -> EmcyText:
         if code & mask in EMCY_CLASSES:
             return EMCY_CLASSES[code & mask]
     return _UNKNOWN
+
+
+def emcy_sentence(code: int) -> str:
+    """Return an emergency code with its cause and what to do, without a full stop; '' where there is none."""
+    if not code:
+        return ""
+    told = explain_emcy(code)
+    return f"emergency code 0x{code:04X}: {told.cause}; {told.next_action}"
+
+
+def drive_said(fault: str, code: int) -> str:
+    """Return what the drive's emergency code says of a fault by its id; '' where it says nothing of it."""
+    return emcy_sentence(code) if fault in DRIVE_ALARMS else ""

@@ -11,21 +11,29 @@ HEAD = f"""# Exits
 
 This page is written by `lostmotion faults exits --page docs/exits.md`.
 
-Every way in which a run can end, provoked in virtual time (unit P1, rated {RATED_NM:.0f} N·m): what people, processes
-and links do in the middle of a ramp at more than {LOAD_NM:.0f} N·m, the other faults as in the
-[fault matrix](fault-matrix.md), in a ramp or, where one cannot come up there, from the state that leads to it. *In* is
-the state at the cause, *at* the torque in the reducer then, *peak* the largest from there on. Times count from the
-cause, for a fault of the matrix from its alarm: *down* until the torque stays below {REST_SHARE_OF_RATED:.0%} of rated
-torque, *low* until it stays below {LOW_SHARE_OF_RATED:.0%}. Before there is any torque, *peak* shows that none came.
+Each row is one way in which a run can end, simulated in virtual time (unit P1, rated torque {RATED_NM:.0f} N·m).
+Stops by people, processes and links happen in a ramp, at more than {LOAD_NM:.0f} N·m. Faults are those of the
+[fault matrix](fault-matrix.md). They happen in a ramp if they can, otherwise in the state in which they can.
 
-Where the drive stops by its own quick stop or loses its power, friction holds a residual torque of 3 to 6 % of rated
-torque in the unit (*rest*). The torque is then never *low*, and the lock stays closed. `lostmotion recover` brings the
-torque to zero before the lock opens. *Lock* is the state of the lock at the end, with the torque in the reducer when
-the lock was told to open. Without brake current a powder brake holds nothing: after a power failure the unit turns back
-by itself, so keep clear of the shafts.
+- *in*: state of the run at the cause
+- *at*: torque in the reducer at the cause
+- *peak*: largest torque in the reducer after the cause
+- *down*: time until the torque stays below {REST_SHARE_OF_RATED:.0%} of rated torque
+- *low*: time until the torque stays below {LOW_SHARE_OF_RATED:.0%} of rated torque
+- *bound*: limit for *low*; for *down* where friction holds a rest
+- *rest*: torque that is left in the unit at the end
+- *lock*: state of the lock at the end, and the torque in the reducer when the lock was told to open
 
-What happens between the processes (a killed supervisor, a killed scan, everything at once) is drilled over real wires
-by `make kill-tests` and `make power-cuts`.
+Times count from the cause. For a fault of the matrix they count from its alarm.
+
+After a quick stop by the drive, or a loss of its power, friction holds 3 to 6 % of rated torque in the unit (*rest*).
+The torque is then never *low*, and the lock stays closed. `lostmotion recover` brings the torque to zero before it
+opens the lock.
+
+A powder brake without current holds nothing. After a power failure the unit turns back by itself: keep clear of the
+shafts.
+
+`make kill-tests` and `make power-cuts` try out over real wires what happens when processes are killed.
 
 """
 COLUMNS = (

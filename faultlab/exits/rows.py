@@ -26,7 +26,7 @@ class Exit(NamedTuple):
 
 CONTROLLER = "controller: unloading ramp"
 DRIVE = "drive: quick stop ramp or power off, then friction"
-UNIT = "nobody: drive and brake have no current, the unit turns back"
+UNIT = "no device: drive and brake have no current, and the unit turns back"
 
 EXITS: tuple[Exit, ...] = (
     Exit("finish", "the recipe comes to its end", UNLOADING_S, CONTROLLER, "opened"),

@@ -154,7 +154,7 @@ def _wrong_end(row: Row, final: str, torque_s: float | None, rest_nm: float, rat
     if torque_s is not None and torque_s > row.torque_s:
         wrong.append(f"torque low after {torque_s:.2f} s, allowed {row.torque_s:g} s")
     if torque_s is None and rest_nm > row.rest * rated_nm:
-        wrong.append(f"{rest_nm:.1f} N·m left in the unit")
+        wrong.append(f"{rest_nm:.1f} N·m residual torque in the unit, allowed {row.rest * rated_nm:.1f} N·m")
     return wrong
 
 

@@ -91,11 +91,13 @@ class MetricWanted(Section):
         limit, row, option = self.max_standard_deviation, METRICS[self.id], "max_standard_deviation"
         if limit is not None and (row.calibration or row.graded):
             why = (
-                "it has one value a run"
+                "a run has one value of it"
                 if row.calibration
-                else "the grade is a whole number: limit the backlash instead"
+                else "the grade is a whole number; limit the backlash instead"
             )
-            raise refusal(f"a {option} for {self.id}", f"none: {why}", "Delete this option.", at=option)
+            raise refusal(
+                f"a {option} for {self.id}", f"no such limit, because {why}", "Delete this option.", at=option
+            )
         if limit is not None and not limit > 0.0:
             raise refusal(f"{limit:g} {row.unit}", "a standard deviation above 0", "Correct or delete it.", at=option)
         return self

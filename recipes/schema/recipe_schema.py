@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+from pydantic import Field, PrivateAttr, StringConstraints, ValidationInfo, field_validator, model_validator
 
 from definitions.method import ONE_SIDED_95, DecisionRule, LeftOpenErrors, Loading, OutputTorque
 from definitions.units import TORQUE
@@ -136,6 +136,22 @@ class Decision(Section):
         return value
 
 
+Instruction = Annotated[str, StringConstraints(max_length=120, pattern=r"^[^\x00-\x1f\x7f]*$")]
+"""What a person at the bench does next: one line, as large as a screen shows it from afar."""
+
+
+class WhatToDo(Section):
+    """What is done with the unit after each verdict, as the operator reads it; '' is the program's own text."""
+
+    passed: Instruction = ""
+    failed: Instruction = ""
+    not_decidable: Instruction = ""
+
+    def after(self, verdict: str | None) -> str:
+        """Return the text for a verdict, '' where the recipe has none."""
+        return {"PASS": self.passed, "FAIL": self.failed, "NOT DECIDABLE": self.not_decidable}.get(verdict or "", "")
+
+
 class Recipe(Section):
     """A recipe as loaded: everything that a run does and decides by."""
 
@@ -150,6 +166,7 @@ class Recipe(Section):
     metrics: Annotated[tuple[MetricWanted, ...], Field(max_length=100)] = ()
     decision: Decision
     validity: Validity = Validity()
+    what_to_do: WhatToDo = WhatToDo()
     report: Literal["on_request", "always"] = Field(
         default="on_request",
         description="When report and pictures are made: `on_request` by `lostmotion report`, or `always` after a run.",

@@ -47,8 +47,8 @@ class ValidityLimits(Section):
             if check.below:
                 low, high = getattr(self, _attribute(check)), getattr(self, _attribute(CHECKS[check.below]))
                 if low >= high:
-                    allowed = f"one below {check.below}, {show(high, check.kind)}"
-                    hint = "Exchange the two or correct one."
+                    allowed = f"a limit below that of {check.below}, {show(high, check.kind)}"
+                    hint = "Exchange both limits or correct one."
                     raise refusal(f"a limit of {show(low, check.kind)}", allowed, hint, at=check.id)
         return self
 

@@ -62,12 +62,12 @@ def ask(place: Place, sql: str, most: int) -> Answer:
         _open(connection, place)
         asked = connection.execute(sql)
         if not asked.description:
-            raise ArchiveError("the statement asks nothing: write a SELECT")
+            raise ArchiveError("the SQL statement is empty. Write a SELECT")
         rows = asked.fetchmany(most + 1)
         columns = tuple(str(one[0]) for one in asked.description)
         return Answer(columns, tuple(tuple(row) for row in rows[:most]), len(rows) > most)
     except duckdb.Error as error:
-        raise ArchiveError(f"{_first_line(error)}. There are the views {', '.join(VIEWS)}") from error
+        raise ArchiveError(f"{_first_line(error)}. Use the views {', '.join(VIEWS)}") from error
     finally:
         connection.close()
 

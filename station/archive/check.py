@@ -21,11 +21,13 @@ from station.records.run_record import RunRecord
 from station.records.seal import fingerprint
 
 KINDS = {
-    "missing": "Restore the object from a copy of the archive, or push its runs again while they are on this computer",
-    "changed": "The object was changed or damaged. Restore it from a copy of the archive, or remove it and push again",
-    "run": "Compare both with a backup: 'lostmotion verify' says whether the run here is as it was sealed",
+    "missing": "Restore the object from a copy of the archive. Without one, delete its line in archive.jsonl and "
+    "run 'lostmotion archive push'",
+    "changed": "Restore the object from a copy of the archive. Without one, delete it and its line in archive.jsonl, "
+    "then run 'lostmotion archive push'",
+    "run": "Check the run here with 'lostmotion verify'. Then replace the wrong copy from a backup",
     "elsewhere": "Write the URL of that archive into archive.yaml, or copy its objects to this one",
-    "strange": "Move the object to another place: nothing here refers to it",
+    "strange": "No run here belongs to this object. Move it to another place",
 }
 """What can be wrong with an archive, and what a person does about each."""
 
@@ -126,5 +128,5 @@ def _which(place: Place, line: ArchiveLine, name: str) -> str:
             sound = False
         bad += [] if sound else [run.run]
     if not bad:
-        return f"{name}: its bytes are not those that were written; every run in it can still be read as it was"
-    return f"{name}: its bytes are not those that were written; not as archived: {', '.join(bad)}"
+        return f"{name}: its content has changed; every run in it can still be read unchanged"
+    return f"{name}: its content has changed; changed runs: {', '.join(bad)}"

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from station.archive.full_rows import ArchivedFile, files_in, opened, run_in
+from station.archive.full_rows import REPLACE, ArchivedFile, files_in, opened, run_in
 from station.archive.place import Place
 from station.archive.settings import ArchiveError
 from station.atomic_file import refused, sync_folder
@@ -44,7 +44,10 @@ def fetch(data: Path, place: Place, name: str) -> RunRecord:
         _write(part, archived_files(place, address))
         altered = alterations(RunRecord(part), chain=Chain(data))
         if altered:
-            raise ArchiveError(f"{run}: its archive copy is not as it was sealed: {altered[0]}. Nothing was fetched")
+            raise ArchiveError(
+                f"{run}: its copy in the archive was changed: {altered[0]}. Nothing was fetched. "
+                "Restore the archive from a copy"
+            )
         part.replace(target)
         sync_folder(data)
         (data / FETCHING).rmdir()
@@ -63,7 +66,9 @@ def address_of(data: Path, name: str) -> Address:
         return runs[fitting[0]]
     if not fitting:
         raise ArchiveError(f"{name}: no such run in the archive of {data}. See 'lostmotion archive status'")
-    raise ArchiveError(f"{name}: fits {len(fitting)} archived runs: {', '.join(fitting[:8])}. Write more of the id")
+    raise ArchiveError(
+        f"{name}: fits {len(fitting)} archived runs: {', '.join(fitting[:8])}. Give more characters of the id"
+    )
 
 
 def archived_files(place: Place, address: Address) -> list[ArchivedFile]:
@@ -77,9 +82,7 @@ def archived_files(place: Place, address: Address) -> list[ArchivedFile]:
     with place.opened(name) as stream:
         files = files_in(opened(stream, name), address.run.group, name)
     if next((one.sha256 for one in files if one.name == MANIFEST), "") != address.run.sha256:
-        raise ArchiveError(
-            f"{name}: row group {address.run.group} does not hold run {address.run.run}. Restore the object"
-        )
+        raise ArchiveError(f"{name}: row group {address.run.group} does not contain run {address.run.run}. {REPLACE}")
     return files
 
 
@@ -112,7 +115,7 @@ def folder_of(place: Place, name: str, group: int, run: str) -> Iterator[Path]:
             file = opened(stream, name)
             files, there = files_in(file, group, name), run_in(file, group)
         if there != run:
-            raise ArchiveError(f"{name}: row group {group} holds run {there}, {run} was noted. Restore the object")
+            raise ArchiveError(f"{name}: row group {group} contains run {there}, expected {run}. {REPLACE}")
         _write(folder, files, flush=False)
         yield folder
 

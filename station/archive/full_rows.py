@@ -72,9 +72,9 @@ def chain_of(file: pq.ParquetFile, name: str) -> str:
         said = json.loads((file.schema_arrow.metadata or {})[METADATA])
         version, chain = int(said["format"]), str(said["chain"])
     except (KeyError, ValueError, TypeError) as error:
-        raise ArchiveError(f"{name}: is no object of an archive. Move it to another place") from error
+        raise ArchiveError(f"{name}: is not an object of an archive. Move it to another place") from error
     if version > FORMAT:
-        raise ArchiveError(f"{name}: found format {version}; this program reads up to {FORMAT}. Use a newer one")
+        raise ArchiveError(f"{name}: found format {version}; this program reads up to {FORMAT}. Use a newer lostmotion")
     return chain
 
 
@@ -84,8 +84,8 @@ def opened(stream: BinaryIO, name: str) -> pq.ParquetFile:
         return pq.ParquetFile(stream)
     except (pa.ArrowInvalid, pa.ArrowException) as error:
         raise ArchiveError(
-            f"{name}: is not whole: {error}. Remove it; 'lostmotion archive push' writes its runs again while they "
-            "are on this computer"
+            f"{name}: is incomplete: {error}. Delete it, and run 'lostmotion archive push' while its runs are on this "
+            "computer"
         ) from error
 
 
@@ -192,14 +192,16 @@ def files_in(file: pq.ParquetFile, group: int, place: str) -> list[ArchivedFile]
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
             raise ArchiveError(f"{place}: {name!r} would be written outside the run's folder. {REPLACE}")
         if hashlib.sha256(content).hexdigest() != row["sha256"]:
-            raise ArchiveError(f"{place}: {row['run']}: {name}: its bytes are not those that were archived. {REPLACE}")
+            raise ArchiveError(
+                f"{place}: {row['run']}: {name}: its content has changed since it was archived. {REPLACE}"
+            )
         found.append(ArchivedFile(name, row["sha256"], content))
     return found
 
 
 REPLACE = (
-    "The object was changed or damaged. Remove it and push its runs again while they are on this computer, or restore "
-    "it from a copy of the archive"
+    "This archive object was changed or damaged. Restore it from a copy of the archive. Without one, delete it and "
+    "its line in archive.jsonl, then run 'lostmotion archive push' while its runs are on this computer"
 )
 """What a person does about an object that is not as it was written."""
 

@@ -21,7 +21,7 @@ from station.records.archive_note import SETTINGS
 from station.records.seal import fingerprint
 
 INCOMING = "incoming"
-INSTALL = "Install them: pip install 'lostmotion[plant]'"
+INSTALL = "Install with: pip install 'lostmotion[plant]'"
 CHUNK_BYTES = 1 << 20
 CONNECT_S, READ_S, TRIES = 5, 60, 3
 
@@ -104,8 +104,8 @@ class Place:
             self.put(local, name, f"{owner}/{own.sha256}")
             if self.sha256(name) != own.sha256:
                 raise ArchiveError(
-                    f"{self.settings.url}: {name}: reads back other bytes than were written. Check the place; nothing "
-                    "was noted"
+                    f"{self.settings.url}: {name}: reads back differently from what was written. Check the storage. "
+                    "The run does not count as archived"
                 )
         return ArchiveObject(name=name, sha256=own.sha256, bytes=own.bytes)
 
@@ -125,14 +125,14 @@ class Place:
             raise
         except FileNotFoundError as error:
             raise ArchiveError(
-                f"{self.settings.url}: {name}: is not there. Check bucket and folder; 'lostmotion archive verify' "
-                "names what the archive lacks"
+                f"{self.settings.url}: {name}: is missing. Check bucket and folder. 'lostmotion archive verify' lists "
+                "what is missing"
             ) from error
         except OSError as error:
             cause = " ".join(str(error).split())[:300] or type(error).__name__
             raise ArchiveError(
-                f"{self.settings.url}: cannot be used: {cause}. Check the network, the place and the credentials; "
-                "nothing is lost, do it again then"
+                f"{self.settings.url}: cannot be used: {cause}. Check network, address and credentials, "
+                "then run the command again. Nothing is lost"
             ) from error
 
 

@@ -138,7 +138,7 @@ def _ready(data: Path, chain: Chain, note: Note, left_out: list[LeftOut]) -> Ite
         except StationError as error:
             altered = (str(error),)
         if altered:
-            left_out.append(LeftOut(name, f"is not as it was sealed: {altered[0]}. Restore it from a backup"))
+            left_out.append(LeftOut(name, f"has changed since it was sealed: {altered[0]}. Restore it from a backup"))
         else:
             yield name, manifest
 
@@ -185,9 +185,11 @@ def _compare(full_path: Path, trace_path: Path, runs: Sequence[ArchivedRun], fol
         for one, run in zip(runs, folders, strict=True):
             for there in files_in(file, one.group, run.id):
                 if there.sha256 != fingerprint(run.folder / there.name).sha256:
-                    raise ArchiveError(f"{run.id}: {there.name}: was changed while it was archived. Do it again")
+                    raise ArchiveError(
+                        f"{run.id}: {there.name}: was changed while it was archived. Run the command again"
+                    )
     with trace_path.open("rb") as stream:
         file = opened(stream, str(trace_path))
         for one in runs:
             if one.trace is not None and digest_of(rows_in(file, one.trace, one.run)) != one.trace_sha256:
-                raise ArchiveError(f"{one.run}: its trace reads back otherwise than it was written. Check the disk")
+                raise ArchiveError(f"{one.run}: its trace reads back differently from what was written. Check the disk")

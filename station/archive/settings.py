@@ -82,9 +82,15 @@ class ArchiveSettings(BaseModel):
             return None
         parts = urlsplit(text)
         if parts.username is not None or parts.scheme not in ("http", "https") or not parts.hostname:
-            raise refusal("an endpoint that is none, or that holds credentials", "https://HOST or https://HOST:PORT")
+            raise refusal(
+                "an endpoint that is not a URL, or that contains credentials", "https://HOST or https://HOST:PORT"
+            )
         if parts.scheme == "http" and not _loopback(parts.hostname):
-            raise refusal(f"'{text}'", "https, and http on this computer alone", "Records and keys would be readable.")
+            raise refusal(
+                f"'{text}'",
+                "https, and http on this computer alone",
+                "Without https, others on the network can read records and keys.",
+            )
         return text
 
     @field_validator("key_from", "secret_from", "token_from")

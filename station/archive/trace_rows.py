@@ -130,7 +130,7 @@ def trace_in(table: pa.Table, sha256: str, place: str) -> ArchivedTrace:
 
     """
     if digest_of(table) != sha256:
-        raise ArchiveError(f"{place}: the trace is not as it was archived. {REPLACE}")
+        raise ArchiveError(f"{place}: the trace has changed since it was archived. {REPLACE}")
     try:
         facts = document_in(TraceFacts, str(table.column("facts")[0].as_py()).encode(), Path(place))
     except RecordError as error:

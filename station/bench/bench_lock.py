@@ -47,7 +47,7 @@ def alone_on(bench: str, can: CanConfig) -> Iterator[None]:
     try:
         path = lock_path(can)
     except StationError as error:
-        raise BenchBusyError(f"the lock file of the bench cannot be used: {error}") from error
+        raise BenchBusyError(f"the lock file of the bench cannot be made: {error}") from error
     try:
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     except OSError as error:

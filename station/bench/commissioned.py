@@ -14,7 +14,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
 
-from definitions.commissioning import STEPS, Step, concerns
+from definitions.commissioning import CHANGED, STEPS, UNFINISHED, Step, concerns
 from definitions.profiles.drive import DriveProfile, DriveProfileHeader
 from recipes import Bench
 from recipes.schema.bench_schema import PARTS
@@ -29,6 +29,9 @@ from station.errors import StationError
 ENDING = ".commissioning.json"
 PROFILE = " profile"
 WATCHDOGS = "watchdogs"
+
+MOST_SHOWN = 3
+"""Changed entries that a note names; `lostmotion bench status` names all."""
 
 State = Literal["passed", "not passed", "due again", "to do"]
 
@@ -160,6 +163,25 @@ def watchdogs_measured(bench_file: Path, bench: Bench, profiles: Mapping[str, Fi
     if done is None or not done.passed or changed_since(step, done, parts_of(bench, profiles)):
         return None
     return done
+
+
+def commissioning_note(stands: tuple[Standing, ...]) -> str:
+    """Return what a result says of a bench that somebody began to commission, and which is not as it then was.
+
+    '' where every step holds, and where none was ever done: whether a bench has to be commissioned depends on its
+    drive. It goes by the protocol alone, so a virtual bench that somebody practises on is told of too.
+    """
+    if not any(one.done for one in stands):
+        return ""
+    changed = {change.part: change for one in stands for change in one.changes}
+    if changed:
+        shown = [f"{part} {one.was or 'nothing'} → {one.now or 'nothing'}" for part, one in changed.items()]
+        more = f" and {len(shown) - MOST_SHOWN} more" if len(shown) > MOST_SHOWN else ""
+        what = f"{CHANGED}: {', '.join(shown[:MOST_SHOWN])}{more}"
+    else:
+        what = UNFINISHED
+    due = [one.step.id for one in stands if one.state != "passed"]
+    return f"{what}. Steps due: {', '.join(due)}. Run: lostmotion bench status" if due else ""
 
 
 def refuse_before(step: Step, stands: tuple[Standing, ...], bench_file: Path) -> None:

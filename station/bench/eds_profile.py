@@ -69,7 +69,7 @@ NOT_NEEDED = re.compile(r"^\[(?:dummyusage|comments)\][^\[]*", re.IGNORECASE | r
 """Sections that many files have incomplete, and that say nothing of the drive."""
 
 LOST_WITHOUT = {
-    0x1018: "Another drive would not be recognized",
+    0x1018: "A run cannot detect that a different drive is connected",
     0x6076: "The unit of the drive's torque is not known",
     0x6502: "It is not known whether the drive has the cyclic modes",
 }
@@ -111,7 +111,7 @@ def read_eds(path: Path) -> objectdictionary.ObjectDictionary:
     except (ConfigError, ValueError, KeyError, AttributeError, TypeError) as error:
         raise _unreadable(path, f"this is not an EDS file: {error}") from error
     if not len(found):
-        raise _unreadable(path, "the file lists no objects")
+        raise _unreadable(path, "the file contains no objects")
     return found
 
 

@@ -62,7 +62,7 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
 
 def _scenario(spec: BenchSpec) -> Path:
     if spec.scenario is None:
-        raise StationError("gateway: its specification names no scenario")
+        raise StationError("gateway: its specification names no scenario. Start it with 'lostmotion faults gateway'")
     return Path(spec.scenario)
 
 

@@ -37,7 +37,14 @@ from station.atomic_file import refused
 from station.bench.assemble import drive_brake_config, drive_profile, modbus_profile
 from station.bench.bus_traffic import bus_frames
 from station.bench.can_profile import DBC
-from station.bench.commissioned import is_virtual_drive, watchdogs_measured
+from station.bench.commissioned import (
+    commissioning_note,
+    is_virtual_drive,
+    parts_of,
+    read_protocol,
+    standings,
+    watchdogs_measured,
+)
 from station.bench.measuring import (
     can_sensors,
     channel_problems,
@@ -107,6 +114,8 @@ class Job:
     def drive_notes(self) -> tuple[str, ...]:
         """What every result on this bench says of its drive: what it lacks, what nobody tried, what nobody measured.
 
+        Of its commissioning too, where something has changed since.
+
         What the drive of a virtual bench does is known from itself.
         """
         profile = self._drive_profile
@@ -114,7 +123,21 @@ class Job:
         said = [] if profile.tried_on_hardware else [untried]
         said += [missing_text(one) for one in missing_protections(profile)]
         is_virtual = self.bench.bench.embedded or self.bench.pace is not None
-        return tuple(said if is_virtual or self.watchdogs is not None else [*said, UNPROVEN])
+        said += [] if is_virtual or self.watchdogs is not None else [UNPROVEN]
+        return tuple(said + ([self.commissioning] if self.commissioning else []))
+
+    @cached_property
+    def commissioning(self) -> str:
+        """What has to be said of this bench's commissioning, '' where it holds or never began.
+
+        Raises:
+            RecordError: the protocol of the bench is damaged.
+
+        """
+        protocol = read_protocol(self.bench_source.path, self.bench)
+        if not protocol.steps:
+            return ""
+        return commissioning_note(standings(protocol, parts_of(self.bench, self.profile_sources)))
 
     @property
     def _drive_profile(self) -> DriveProfile:

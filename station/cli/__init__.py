@@ -32,6 +32,7 @@ from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
 from station.cli.web import commands as cli_web
 from station.cli.web.accounts_commands import recipes_app, users_app
+from station.cli.web.labels_commands import labels_app
 from station.errors import BenchFaultError
 from station.plain_text import never_crash
 
@@ -101,6 +102,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "recipes": recipes_app,
         "users": users_app,
         "audit": cli_web.audit_app,
+        "labels": labels_app,
         "opcua": opcua_app,
     },
     "Models": {

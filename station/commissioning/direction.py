@@ -145,6 +145,8 @@ def judged(tried: Tried, seen: Sequence[Seen], scale_of: ScaleOf) -> tuple[Findi
             if one.moved > one.least:
                 moved = f"{one.moved:.3g} {one.unit}"
                 what = f"{one.channel}: direction not shown, it moved by {moved}, but not with {one.against}."
+            if one.channel == DRIVE_ANGLE:
+                cure = "Play or friction of the unit can hide it. Repeat this step, now that the play is taken up."
             if locked:
                 cure = "A locked shaft moves little. Turn it by hand, drive off, and look with 'bench probe'."
             findings.append(Finding(what=what, cure=cure, refuses=not locked and one.channel != DRIVE_ANGLE))
@@ -180,7 +182,7 @@ def _signs(bench: Bench, recipe: Recipe, seen: Sequence[Seen], scale_of: ScaleOf
             cure = "Turn the sign of its scale."
             if scale is not None:
                 cure = f"Write 'scale: {-scale.value!r}' for {scale.place}; it is {scale.value!r} now."
-            yield Finding(what=f"{channel} counts the wrong way.", cure=cure)
+            yield Finding(what=f"{channel} counts in the wrong direction.", cure=cure)
 
 
 def _amounts(seen: Sequence[Seen], scale_of: ScaleOf) -> Iterator[Finding]:

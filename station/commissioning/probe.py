@@ -12,12 +12,14 @@ from definitions.image import AGE_NEVER, IMAGE_FIELDS, REMOTE_IO_FIELDS, DriveSt
 from drivers.can.bus import CanLink, open_can
 from drivers.can.other_controller import refuse_other_controller
 from drivers.can.sensor_setup import compare_sensor
+from drivers.config import DriveConfig
 from drivers.modbus.device import ModbusDevice
 from drivers.servo_drive.cia402 import decode_state
 from drivers.servo_drive.comparison import Compared, compare_drive
-from drivers.servo_drive.objects import missing_protections
+from drivers.servo_drive.emcy import EmcyText, explain_emcy
 from drivers.servo_drive.sdo import SdoFailure, SdoNode
 from drivers.servo_drive.units import drive_units
+from drivers.servo_drive.unused import missing_on
 from station.commissioning.can_looks import CanLooks, values_of
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, pause
 from station.documents.commissioning import Figure, Finding
@@ -68,8 +70,11 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     try:
         refuse_other_controller(link, wires.drive)
         objects = compare_drive(link, wires.drive, PERIOD_NS)
+        answers = not any(one.outcome == "no answer" for one in objects)
+        missing = missing_on(link, wires.drive) if answers else []
         of_sensors = [(sensor, compare_sensor(link, sensor)) for sensor in wires.can_sensors]
-        live = [] if any(one.outcome == "no answer" for one in objects) else _drive_values(link, bench)
+        live = _drive_values(link, bench) if answers else []
+        in_fault = drive_fault(link, wires.drive) if answers else []
     finally:
         link.close()
     by_hand, frames = ByHand(wires), CanLooks(wires)
@@ -93,6 +98,7 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         for one in objects
         if one.outcome in REFUSED
     ]
+    findings += in_fault
     for name, device in by_hand.devices.items():
         findings += _of_device(name, device, oldest[name])
     for sensor, rows in of_sensors:
@@ -108,15 +114,9 @@ def probe(bench: OnWires, seconds: float) -> Probed:
     for problem in frames.problems():
         what = f"{problem.where}: {problem.what}: found {problem.found}, expected {problem.expected}"
         findings.append(Finding(what=what, cure=_sentence(problem.next_step)))
-    lacking = [f"{row.meaning} ({row.objects})" for row in missing_protections(wires.drive.profile)]
-    findings += [
-        Finding(
-            what=f"The profile says that the drive has no {what}.",
-            cure="Compare the profile with the drive's manual.",
-            refuses=False,
-        )
-        for what in lacking
-    ]
+    profile = wires.drive.profile.profile.name
+    findings += [Finding(what=one.what, cure=one.cure(profile), refuses=False) for one in missing]
+    lacking = [f"{one.protection.meaning} ({one.protection.objects})" for one in missing]
     counts = [
         Figure(name=f"objects {one}", value=sum(row.outcome == one for row in objects)) for one in _outcomes(objects)
     ]
@@ -157,6 +157,21 @@ def _drive_values(link: CanLink, bench: OnWires) -> list[Live]:
     return live
 
 
+def drive_fault(link: CanLink, config: DriveConfig) -> list[Finding]:
+    """Say why a drive is in fault: its emergency message was sent before anybody listened, 0x603F holds the code."""
+    node = SdoNode(link, config.node_id, config.sdo_reply_timeout_s, config.sdo_tries)
+    try:
+        if decode_state(node.read(0x6041, 0, "u16")) is not DriveState.FAULT:
+            return []
+        code = node.read(0x603F, 0, "u16")
+    except SdoFailure:  # its code is optional, and its state stands among the values
+        return []
+    told = explain_emcy(code) if code else EmcyText("no cause given", "read its error history with the maker's tool")
+    what = f"The drive is in fault, error code 0x{code:04X} (0x603F): {told.cause}."
+    cure = f"{_sentence(told.next_action)} Then switch the drive off and on, and repeat this step."
+    return [Finding(what=what, cure=cure, refuses=False)]
+
+
 def _modbus_values(name: str, device: ModbusDevice, scan: int) -> list[Live]:
     age = device.age_scans(scan)
     age_ms = None if age == AGE_NEVER else float(age)
@@ -188,7 +203,7 @@ def _of_device(name: str, device: ModbusDevice, oldest: int) -> list[Finding]:
     if not device.replies:
         return [
             Finding(
-                what=f"{where}: no reply to its block.",
+                what=f"{where}: no reply to the request for its registers.",
                 cure="Compare table, address and count in the profile with the device's manual.",
             )
         ]

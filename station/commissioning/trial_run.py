@@ -56,8 +56,13 @@ class Tried:
     @property
     def why(self) -> str:
         """Why it did not come to its end, as the fault table says it; '' when it did."""
-        alarms = [FAULT_BY_ID[alarm.id] for alarm in self.result.alarms or ()]
-        return "" if self.complete else "; ".join(f"{one.text} ({one.id})" for one in alarms) or self.result.state
+        if self.complete:
+            return ""
+        alarms = [(FAULT_BY_ID[alarm.id], alarm.detail) for alarm in self.result.alarms or ()]
+        return (
+            "; ".join(f"{one.text} ({one.id}{f', {said}' if said else ''})" for one, said in alarms)
+            or self.result.state
+        )
 
 
 @dataclass(frozen=True)

@@ -319,7 +319,10 @@ def judged(reactions: Sequence[Reaction]) -> tuple[Finding, ...]:
             seen_ms, set_ms = one.seen_enabled_s * 1e3, one.timeout_s * 1e3
             what = f"{_capital(trial.title)}: still enabled after {seen_ms:.0f} ms, time-out {set_ms:g} ms."
             findings.append(
-                Finding(what=what, cure="Another protection of the drive reacted. Compare the object with the manual.")
+                Finding(
+                    what=what,
+                    cure="Another protection of the drive reacted. Compare this setting with the drive's manual.",
+                )
             )
     supervised = [one for trial, one in zip(TRIALS, reactions, strict=True) if trial.protection]
     if not any(one.acted for one in supervised):

@@ -45,7 +45,7 @@ def make_certificate(data: Path, settings: OpcUaSettings, names: Sequence[str], 
     file, key_file = data / settings.certificate, data / settings.key
     there = [one for one in (file, key_file) if one.exists()]
     if there and not replace:
-        raise StationError(f"{there[0]}: is there already; clients trust it. Replace it with --replace")
+        raise StationError(f"{there[0]}: exists already, and clients trust it. To replace it, add --replace")
     key = rsa.generate_private_key(public_exponent=65537, key_size=KEY_BITS)
     content = made_certificate(key, application_uri(settings), [*hosts_of(settings), *names]).public_bytes(
         serialization.Encoding.DER

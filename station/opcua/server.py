@@ -65,8 +65,13 @@ def _refuse_taken(settings: OpcUaSettings) -> None:
             listener.bind(address)
     except OSError as error:
         if error.errno == errno.EADDRINUSE:
-            raise StationError(f"{where}: the port is taken. Choose another, or stop what listens there") from error
-        raise StationError(f"{where}: cannot listen there: {error.strerror or error}") from error
+            raise StationError(
+                f"{where}: another program uses this port. Choose another port in opcua.yaml, or stop that program"
+            ) from error
+        raise StationError(
+            f"{where}: the server cannot listen at this address: {error.strerror or error}. Correct endpoint "
+            "in opcua.yaml"
+        ) from error
 
 
 @contextmanager

@@ -102,7 +102,7 @@ class OpcUaSettings(BaseModel):
             given = [value for client in self.clients if (value := getattr(client, kind)) is not None]
             twice = sorted({value for value in given if given.count(value) > 1})
             if twice:
-                raise refusal(twice[0], f"a {kind} of its own for each client")
+                raise refusal(twice[0], f"a different {kind} for each client")
         return self
 
     @property

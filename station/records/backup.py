@@ -1,4 +1,4 @@
-"""A data folder as one file, and back: every run, the chain, and the station's own database, each with its hash.
+"""A data folder as one file, and back: runs, recoveries, jogs, and the station's own database, each with its hash.
 
 The store is left out, for it is made again from the runs, and so is the private key of the computer: it stays where it
 is. A file is a tar archive with `backup.json` as its last member, which lists all others; one without it was cut short.
@@ -39,6 +39,7 @@ MADE_AGAIN = (".lock", "-wal", "-shm")
 """Files of the folder that are made again: the store, locks, and what SQLite keeps beside its databases."""
 
 COPY_BYTES = 1 << 20
+NEWEST_LOOKED_AT = 5
 
 
 @dataclass(frozen=True)
@@ -72,21 +73,17 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     """Write a data folder into a file that is not there yet; `told` hears the number of files so far.
 
     Raises:
-        StationError: there is no such folder, a run is on, or the file is there already.
+        StationError: there is no such folder, a run, recovery or jog is on, or the file is there already.
         RecordError: something cannot be read or written; then no file is left behind.
 
     """
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     if file.exists():
-        raise StationError(f"{file}: is there already. Choose another name: a backup is never written over")
+        raise StationError(f"{file}: exists already and is never overwritten. Choose another name")
     if file.resolve().is_relative_to(data.resolve()):
         raise StationError(f"{file}: is inside the data folder. Choose a place on another disk")
-    on = [run.id for run in Store(data).newest(5) if _is_on(run)]
-    if on:
-        raise StationError(
-            f"run {on[-1]} is in progress, or not concluded. Wait for its end, or 'lostmotion conclude --all'"
-        )
+    _refuse_while_on(data)
     part = file.with_name(f".{file.name}.part")
     try:
         with part.open("xb") as stream:
@@ -102,25 +99,44 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     return kept
 
 
-def _is_on(run: RunRecord) -> bool:
-    """Say whether a run is not concluded; one that cannot be read is kept as it is: `verify` names it."""
+def below(data: Path) -> list[Path]:
+    """Return the folders below a data folder that have a chain of their own: recoveries and jogs."""
+    return sorted(one.parent for one in data.glob(f"*/{CHAIN}"))
+
+
+def _refuse_while_on(data: Path) -> None:
+    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody."""
+    for run in reversed(Store(data).newest(NEWEST_LOOKED_AT)):
+        if _state(run) in (RECORDING, NOT_CONCLUDED):
+            raise StationError(
+                f"run {run.id} is in progress, or not concluded. Wait for its end, or 'lostmotion conclude --all'"
+            )
+    for folder in below(data):
+        for record in reversed(Store(folder).newest(NEWEST_LOOKED_AT)):
+            if _state(record) == RECORDING:
+                raise StationError(f"{folder.name}/{record.id} is in progress. End it, or wait for its end")
+
+
+def _state(record: RunRecord) -> str:
+    """Return the state of a record, '' of one that cannot be read: it is kept as it is, and `verify` names it."""
     try:
-        return run.state() in (RECORDING, NOT_CONCLUDED)
+        return record.state()
     except StationError:
-        return False
+        return ""
 
 
 def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
-    # First of all: what is added behind it meanwhile is of runs that are not in the list below.
-    chain = (data / CHAIN).read_bytes() if (data / CHAIN).is_file() else None
+    # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
+    chains = {
+        path: path.read_bytes() for path in (data / CHAIN, *(one / CHAIN for one in below(data))) if path.is_file()
+    }
     paths = list(_files(data))
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
-        if chain is not None:
-            rows.append(_add(archive, CHAIN, chain))
+        rows += [_add(archive, path.relative_to(data).as_posix(), content) for path, content in chains.items()]
         for path in paths:
             name = path.relative_to(data).as_posix()
-            if name != CHAIN:
+            if path not in chains:
                 rows.append(_add(archive, name, _database(path) if name in DATABASES else path.read_bytes()))
                 told(len(rows))
         listed = FileList(format=FORMAT, made=made, files=tuple(rows))
@@ -172,7 +188,7 @@ def restore(file: Path, data: Path) -> Kept:
 
     """
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
-        raise StationError(f"--data {data}: is not empty. Restore into a new folder: nothing is written over")
+        raise StationError(f"--data {data}: is not empty. Name a new folder: files are never overwritten")
     data.parent.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=f".{data.name}.", dir=data.parent))
     try:
@@ -214,8 +230,8 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
                     raise RecordError(
-                        f"{file}: {entry.name}: found no file, or a file after {LIST}; it is not a backup. Take "
-                        "another file"
+                        f"{file}: {entry.name}: is not part of a backup. Name a file that 'lostmotion store backup' "
+                        "wrote"
                     )
                 if entry.name == LIST:
                     listed = document_in(FileList, content.read(), file / LIST)
@@ -228,7 +244,7 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
     if listed is None:
         raise RecordError(f"{file}: has no {LIST} at its end: it was cut short. Take another backup")
     if listed.format != FORMAT:
-        raise RecordError(f"{file}: found format {listed.format}; this program reads {FORMAT}. Use a newer one")
+        raise RecordError(f"{file}: found format {listed.format}; this program reads {FORMAT}. Use a newer lostmotion")
     wanted = {row.path: (row.bytes, row.sha256) for row in listed.files}
     wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     if wrong:

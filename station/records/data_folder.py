@@ -265,7 +265,7 @@ class Store:
             return RunRecord(self.data / by_part[0])
         if by_part:
             ids = ", ".join(by_part[:8])
-            raise StationError(f"{name}: fits {len(by_part)} runs: {ids}. Write more of the id")
+            raise StationError(f"{name}: fits {len(by_part)} runs: {ids}. Give more characters of the id")
         raise StationError(f"{name}: no such run in {self.data}; newest is {newest}. See 'lostmotion list'")
 
     def _is_run(self, name: str) -> bool:

@@ -51,7 +51,7 @@ def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True)
 
 
 def _said(text: str, *, known: bool) -> str:
-    return text if known else f"{text} when last heard of"
+    return text if known else f"{text} (last known)"
 
 
 def left_text(left: LeftState) -> str:

@@ -75,7 +75,7 @@ def _proves(run: RunRecord, part: MasterPart) -> str:
     if not apart:
         return ONE_SIDED
     narrowest = min(apart, key=lambda name: apart[name])
-    return f"An error of its {narrowest} above {apart[narrowest]:.2g} % would have shown"
+    return f"An error of its {narrowest} above {apart[narrowest]:.2g} % would be detected"
 
 
 def _newest(store: Store, bench: str, serial: str) -> tuple[RunRecord, Manifest] | None:

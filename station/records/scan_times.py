@@ -28,10 +28,10 @@ LONGEST_KEPT = 16
 GAPS_KEPT = 256
 
 CAUSES = {
-    "read": "draining the CAN and Modbus sockets took long",
+    "read": "reading from CAN and Modbus took long",
     "step": "the controller itself took long",
     "write": "sending to the bus took long",
-    "record": "appending the record took long: memory pressure, or a page fault",
+    "record": "writing the record took long: memory pressure, or a page fault",
     "waking": "late wake-up: another process, an interrupt, or the virtual machine's host",
 }
 """What can make a period pass, and what it means."""

@@ -200,7 +200,7 @@ def alteration_lines(altered: tuple[str, ...] | list[str]) -> list[str]:
 
 def _difference(record: RunRecord, name: str, kept: Checksum | None, *, samples: bool) -> str:
     if kept is None:
-        return f"{name}: was not there when the run was concluded"
+        return f"{name}: was added after the run was concluded"
     path = record.folder / name
     try:
         size = path.stat().st_size
@@ -209,9 +209,9 @@ def _difference(record: RunRecord, name: str, kept: Checksum | None, *, samples:
     except (OSError, RecordError):
         return f"{name}: is missing or cannot be read"
     if now.bytes != kept.bytes:
-        return f"{name}: has {now.bytes} bytes, had {kept.bytes} when the run was concluded"
+        return f"{name}: was changed after the run was concluded: {now.bytes} bytes instead of {kept.bytes}"
     if now.sha256 != kept.sha256:
-        return f"{name}: its SHA-256 is not the one from when the run was concluded"
+        return f"{name}: was changed after the run was concluded: its SHA-256 differs"
     return ""
 
 

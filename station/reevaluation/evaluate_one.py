@@ -17,7 +17,7 @@ from analysis.evaluation.pipeline import Result as Found
 from analysis.trace.errors import AnalysisError
 from recipes import Bench, Recipe, RecipeError, parse_bench, parse_recipe
 from station.archive.fetch import folder_of
-from station.archive.full_rows import opened
+from station.archive.full_rows import REPLACE, opened
 from station.archive.place import Place
 from station.archive.settings import ArchiveSettings
 from station.archive.trace_rows import rows_in, trace_in
@@ -137,11 +137,11 @@ def _record(job: Job) -> Iterator[RunRecord]:
     with folder_of(place, job.object, job.group, job.run) as folder:
         run = RunRecord(folder)
         if fingerprint(folder / MANIFEST).sha256 != job.sha256:
-            raise StationError(f"{job.object}: its run.json is not the one that was sealed. Restore the object")
+            raise StationError(f"{job.object}: its run.json has changed. {REPLACE}")
         kept = run.manifest().files or {}
         wrong = next((name for name, one in kept.items() if _sha256(folder / name) != one.sha256), None)
         if wrong is not None:
-            raise StationError(f"{job.object}: {wrong} is not as it was sealed. Restore the object")
+            raise StationError(f"{job.object}: {wrong} has changed. {REPLACE}")
         yield run
 
 
@@ -166,7 +166,7 @@ def _from_trace(job: Job, question: Question) -> tuple[Found, Recipe]:
 
 def _check_facts(job: Job, facts: TraceFacts) -> None:
     if (facts.run, facts.sha256) != (job.run, job.sha256):
-        raise StationError(f"{job.object}: row group {job.group} is the trace of {facts.run}. Restore the object")
+        raise StationError(f"{job.object}: row group {job.group} is the trace of {facts.run}. {REPLACE}")
 
 
 def _asked(question: Question, own: Recipe, own_bytes: bytes, run: str) -> tuple[Recipe, bool]:

@@ -80,8 +80,9 @@ def evaluate_on(
 def _connected(address: str, count: int) -> Any:
     if not any(os.environ.get(name) for name in TOKENS):
         raise ReevaluationError(
-            "--cluster: no token is set, and a cluster runs whatever reaches it. Make one with 'ray get-auth-token "
-            "--generate', set RAY_AUTH_TOKEN or RAY_AUTH_TOKEN_PATH here and on every computer of the cluster"
+            "--cluster: no token is set. Without a token, anybody on the network can use the cluster. Make one "
+            "with 'ray get-auth-token --generate', then set RAY_AUTH_TOKEN or RAY_AUTH_TOKEN_PATH here and on every "
+            "computer of the cluster"
         )
     os.environ["RAY_AUTH_MODE"] = "token"
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")

@@ -91,7 +91,7 @@ def question_of(recipe: str | None, preset: str | None, metrics: tuple[str, ...]
 
     """
     if recipe is None and preset is None and not metrics:
-        raise ReevaluationError("nothing is asked: name --recipe, --metric, --preset or --limits")
+        raise ReevaluationError("nothing to evaluate: give --recipe, --metric, --preset or --limits")
     if preset is not None and preset not in PRESETS:
         raise ReevaluationError(f"--preset: found {preset!r}; allowed are {', '.join(PRESETS)}")
     selection = Selection(preset, tuple(" ".join(one.split()) for one in metrics))

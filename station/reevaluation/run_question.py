@@ -124,7 +124,9 @@ def _asked(
     """Return the jobs of a question, and what evaluates those that are left."""
     if isinstance(question, LimitsQuestion):
         if means.cluster is not None or means.from_archive:
-            raise ReevaluationError("--limits: is one statement on the store; leave out --cluster and --archive")
+            raise ReevaluationError(
+                "--limits is computed by the database of the store; leave out --cluster and --archive"
+            )
         outcomes = limits_outcomes(data, question, where)
         answers = {job.run: outcome for job, outcome in outcomes}
         return [job for job, _ in outcomes], lambda jobs: ((job, answers[job.run]) for job in jobs)
@@ -134,7 +136,10 @@ def _asked(
 
     far = means.cluster is not None
     if far and means.archive is None:
-        raise ReevaluationError("--cluster: its computers read the archive. Write archive.yaml, and push the runs")
+        raise ReevaluationError(
+            "--cluster needs an archive, because its computers read the runs there. Write archive.yaml, and "
+            "run 'lostmotion archive push'"
+        )
     whole = question.whole_record
     wanted = jobs_of(data, where, means.archive, whole_record=whole, from_archive=means.from_archive or far)
     found.failed |= wanted.unreadable

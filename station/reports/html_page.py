@@ -54,7 +54,8 @@ FIRST = ("loop.png", "time.png")
 
 RULES = {
     "simple": "Simple acceptance: the measured value is compared with the limit; U is ignored.",
-    "guard_band": "Guard band w = r·U: accepted inside the limits by w, rejected outside by w, NOT DECIDABLE between.",
+    "guard_band": "Guard band w = r·U: PASS at least w inside the limits, FAIL at least w outside, NOT DECIDABLE "
+    "between.",
 }
 
 

@@ -9,6 +9,7 @@ from analysis.evaluation.verdict import Verdict, judge
 from analysis.loop.method import Decision
 from analysis.validity.judge import is_loose
 from definitions.checks import CHECKS
+from definitions.commissioning import CHANGED, UNFINISHED
 from definitions.metrics import SIDED
 from definitions.protections import MISSING
 from station.documents.manifest import MASTER
@@ -46,12 +47,13 @@ def note_lines(result: Result) -> list[str]:
     notes = (
         fault_notes(result)
         + [note for note in notes if note.startswith(MASTER)]
+        + [note for note in result.notes if note.startswith((CHANGED, UNFINISHED))]
         + missing_protections(result)
         + one_sided(result)
         + within_uncertainty(result)
         + not_cross_checked(result)
         + loose_limits(result)
-        + [note for note in notes if not note.startswith((FAULTS_NOTE, MASTER, MISSING))]
+        + [note for note in notes if not note.startswith((FAULTS_NOTE, MASTER, MISSING, CHANGED, UNFINISHED))]
     )
     notes += [stage.text for stage in applied if stage.stage in CORRECTIONS]
     left = len(notes) - MOST_NOTES

@@ -123,7 +123,7 @@ def pace_text(pace: Pace) -> str:
         return "no period stretched"
     periods = "1 period" if stretched == 1 else f"{stretched} periods"
     total_ms, longest_ms = 1e3 * pace.stretched_s, 1e3 * pace.longest_s
-    return f"{periods} stretched by {total_ms:.0f} ms in all, {longest_ms:.0f} ms at most"
+    return f"{periods} stretched: {total_ms:.0f} ms in total, {longest_ms:.0f} ms at most"
 
 
 def proof_of(result: Result) -> Timing | None:
@@ -199,6 +199,7 @@ def alarm_lines(result: Result) -> list[Text]:
             line.append("  ◀ first cause", style="bold red")
         else:
             line.append(f". {alarm.next_action}", style="default")
+            line.append(f". {alarm.detail[:1].upper()}{alarm.detail[1:]}" if alarm.detail else "", style="default")
         lines.append(line)
     return lines
 

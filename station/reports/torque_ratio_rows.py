@@ -88,7 +88,7 @@ def _stored_text(stored: Calibration, bench: Bench) -> str:
         serials = ", ".join(unit.serial for unit in stored.units)
         parts.append(f"mean of {len(stored.units)} units ({serials}), the line of each unit is in bench.yaml")
     if stored.transition_rad is None:
-        parts.append("no transition: samples after a reversal are left out")
+        parts.append("samples after a reversal are left out, because no transition was stored")
     else:
         parts.append(f"transition {stored.transition_rad:.4g} rad at the input")
     lines = [getattr(stored, name) for name in QUADRANTS]

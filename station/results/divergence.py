@@ -102,7 +102,7 @@ def _differing(own: Orders, other: Orders) -> str:
         if was != then
         for unit in [f" {field.unit}" if field.unit else ""]
     ]
-    return f"it would have ordered {', '.join(pairs[:MOST_NAMED])}"
+    return f"the outputs would differ: {', '.join(pairs[:MOST_NAMED])}"
 
 
 def _text(name: str, value: float) -> str:

@@ -189,7 +189,7 @@ def origin_of(file: Path, trace: Trace) -> Origin | None:
         )
     if run.recorded is None:
         raise StationError(
-            f"{file}: its description of the run is damaged (recorded: is missing). Export the run again"
+            f"{file}: its description of the run is damaged (the section recorded is missing). Export the run again"
         )
     return Origin(file, run, run.recorded, changed=run.trace != fingerprint_of(trace))
 

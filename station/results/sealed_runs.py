@@ -47,7 +47,9 @@ def _content(data: Path, offset: int) -> bytes:
     try:
         with (data / CHAIN).open("rb") as file:
             if file.seek(0, 2) < offset:
-                raise StationError(f"{data / CHAIN}: is shorter than before. No results are sent until it is restored")
+                raise StationError(
+                    f"{data / CHAIN}: is shorter than before. Restore it from a backup: no results are sent until then"
+                )
             file.seek(offset)
             return file.read()
     except FileNotFoundError:

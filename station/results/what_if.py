@@ -155,7 +155,9 @@ def tare_changes(table: Table, own: Program, other: Program) -> list[str]:
         zero_nm = float(orders[f"{channel}_tare_nm"][-1])
         allowed_nm = getattr(other.tare, f"{channel}_zero_nm")
         if abs(zero_nm) > allowed_nm and abs(zero_nm) <= getattr(own.tare, f"{channel}_zero_nm"):
-            changes.append(f"the zero of {channel} is {zero_nm:.4g} N·m, the other recipe accepts {allowed_nm:.4g} N·m")
+            changes.append(
+                f"the zero of {channel} is {zero_nm:.4g} N·m, the other recipe allows at most {allowed_nm:.4g} N·m"
+            )
     return changes
 
 

@@ -201,6 +201,7 @@ def _early_reasons(state: str, events: Sequence[EventRow | Alarm], outcome: RunO
     if state == "fault":
         causes = [alarm for alarm in alarms_in(events) if alarm.first]
         reasons += [f"{alarm.text}: {alarm.cause}. {alarm.next_action}" for alarm in causes[:1]]
+        reasons += [f"servo drive: {alarm.detail}" for alarm in causes[:1] if alarm.detail]
     elif state == "stopped" and stopped_by(outcome) == "desk_gone":
         reasons.append(
             "the supervisor process ended before the run started; the scan process ended the run; nothing moved"

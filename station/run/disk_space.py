@@ -29,7 +29,7 @@ def refuse_full_disk(data: Path, job: Job) -> None:
     try:
         free = shutil.disk_usage(place).free
     except OSError as error:
-        text = f"--data {data}: its disk cannot be looked at: {error.strerror}. Choose another folder"
+        text = f"--data {data}: the free space of its disk cannot be read: {error.strerror}. Choose another folder"
         raise StationError(text) from error
     needed = needed_bytes(job)
     if free < needed:

@@ -29,7 +29,7 @@ def kernel(root: Path) -> Finding:
     """Whether the kernel can be interrupted everywhere (PREEMPT_RT)."""
     version = _text(root / "proc/version")
     realtime = _text(root / "sys/kernel/realtime") == "1" or "PREEMPT_RT" in version
-    found = "realtime kernel (PREEMPT_RT)" if realtime else "no realtime kernel: drivers may hold the scan up for long"
+    found = "realtime kernel (PREEMPT_RT)" if realtime else "no realtime kernel: the kernel can delay the scan"
     return Finding("kernel", realtime, found, "install linux-image-rt-amd64 (Debian) or a PREEMPT_RT kernel")
 
 
@@ -47,7 +47,7 @@ def isolated_core(root: Path) -> Finding:
     """Whether a core is kept free of other work."""
     cores = _text(root / "sys/devices/system/cpu/isolated")
     found = f"isolated cores: {cores}" if cores else "no isolated core: other programs run beside the scan"
-    mend = "boot with isolcpus=N nohz_full=N rcu_nocbs=N for a core N that the scan shall have for itself"
+    mend = "boot with isolcpus=N nohz_full=N rcu_nocbs=N to keep core N free for the scan"
     return Finding("isolated core", bool(cores), found, mend)
 
 
@@ -56,15 +56,20 @@ def cores(root: Path) -> Finding:
     count = len(list(root.glob("sys/devices/system/cpu/cpu[0-9]*")))
     found = f"{count} cores" if count else "the number of cores is not known"
     return Finding(
-        "cores", count >= 3, found, "the scan and an embedded virtual bench need a core each, the supervisor a third"
+        "cores",
+        count >= 3,
+        found,
+        "use a computer with 3 cores or more: for scan, embedded virtual bench and supervisor",
     )
 
 
 def virtual_machine(root: Path) -> Finding:
     """Whether a host can take the processor away without anyone here noticing."""
     guest = " hypervisor" in _text(root / "proc/cpuinfo")
-    found = "a virtual machine: its host can stop it for milliseconds" if guest else "not a virtual machine"
-    return Finding("host", not guest, found, "run on the bench computer itself, or give the guest pinned cores")
+    found = "a virtual machine: its host can pause it for milliseconds" if guest else "not a virtual machine"
+    return Finding(
+        "host", not guest, found, "run on the bench computer itself, or pin the cores of the virtual machine"
+    )
 
 
 def throttling(root: Path) -> Finding:
@@ -91,7 +96,7 @@ def sleep_states(root: Path) -> Finding:
         if _text(state / "disable") != "1" and (latency := int(_text(state / "latency") or 0)) > DEEP_SLEEP_US
     }
     told = ", ".join(f"{name} ({latency} µs)" for name, latency in sorted(deep.items(), key=lambda one: one[1]))
-    found = f"the processor sleeps deep between scans: {told} to wake" if deep else "the processor wakes quickly"
+    found = f"the processor needs long to wake up between scans: {told}" if deep else "the processor wakes quickly"
     return Finding("sleep states", not deep, found, "boot with processor.max_cstate=1 intel_idle.max_cstate=1")
 
 
@@ -99,7 +104,7 @@ def swap(root: Path) -> Finding:
     """Whether memory may be paged out: that of the scan is locked, that of what it waits for is not."""
     rows = _text(root / "proc/swaps").splitlines()[1:]
     found = f"memory may be paged out to {', '.join(row.split()[0] for row in rows if row)}" if rows else "no swap"
-    return Finding("swap", not rows, found, "swapoff -a, and take the entry out of /etc/fstab")
+    return Finding("swap", not rows, found, "run swapoff -a, and delete the swap entry in /etc/fstab")
 
 
 def clock_source(root: Path) -> Finding:
@@ -107,7 +112,10 @@ def clock_source(root: Path) -> Finding:
     clock = _text(root / "sys/devices/system/clocksource/clocksource0/current_clocksource")
     found = f"clock source: {clock}" if clock else "the clock source is not known"
     return Finding(
-        "clock source", clock not in SLOW_CLOCKS, found, "boot with tsc=reliable, or look for it in the BIOS"
+        "clock source",
+        clock not in SLOW_CLOCKS,
+        found,
+        "boot with tsc=reliable, or check the timer settings in the BIOS",
     )
 
 

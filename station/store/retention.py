@@ -178,7 +178,7 @@ def _why_not(run: RunRecord, manifest: Manifest, newest: set[str]) -> str:
     if run.id in newest:
         return "is the newest run of its bench or of its serial number"
     altered = alterations(run)
-    return f"is not as it was sealed: {altered[0]}" if altered else ""
+    return f"has changed since it was sealed: {altered[0]}" if altered else ""
 
 
 def apply(

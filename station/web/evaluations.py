@@ -141,15 +141,15 @@ class Evaluations:
             found: Future[Made] = self._submit(call, *asked)
             return found.result(LONGEST_S)
         except TimeoutError as error:
-            raise StationError("Others wait for reports already. Try again in a minute.") from error
+            raise StationError("The server makes other reports first. Try again in a minute.") from error
         except BrokenProcessPool as error:
             self._end()
-            raise StationError("The process that evaluates runs was ended. Try again.") from error
+            raise StationError("The process that evaluates runs ended. Try again.") from error
 
     def _submit(self, call: Callable[..., Made], *asked: object) -> Future[Made]:
         with self._one_at_a_time:
             if self._over.is_set():
-                raise StationError("The server is ending. Try again when it is back.")
+                raise StationError("The server is shutting down. Try again when it runs again.")
             if self._pool is None:
                 # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
                 self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),))

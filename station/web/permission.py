@@ -48,6 +48,7 @@ class Situation:
 
     release: the released revision that the recipe is, letter by letter; None where its text is not released.
     previous_step: what the MES says of the unit; None where the plant has set up no MES.
+    label: which label is not on its unit yet, in words; '' where none is awaited.
     """
 
     data: Path
@@ -63,6 +64,7 @@ class Situation:
     previous_step: PreviousStep | None = None
     scanner_tested: bool = True
     jogging: bool = False
+    label: str = ""
 
     @property
     def is_master_part(self) -> bool:
@@ -72,7 +74,7 @@ class Situation:
     def run_options(self) -> list[str]:
         """Return recipe, bench and virtual unit as `lostmotion run` takes them: the recipe's file as it was judged."""
         if self.model is None or self.job is None:
-            raise StationError("there is no recipe to run: the start conditions are not met")
+            raise StationError("the start conditions are not met, so no recipe is chosen. Scan the unit again")
         model, (recipe, named) = self.model, self.likely
         bench = ["--bench", named] if named else []
         # What was judged is what runs: the files are read again by the process of the run.
@@ -97,11 +99,11 @@ class Condition(NamedTuple):
 
 def situation_of(
     data: Path, models: Models, wanted: Wanted, *, busy: bool, confirmed: frozenset[str],
-    previous_step: PreviousStep | None = None, scanner_tested: bool = True,
+    previous_step: PreviousStep | None = None, scanner_tested: bool = True, label: str = "",
 ) -> Situation:  # fmt: skip
     """Look at what is there; confirmed: runs whose bad unit is in its box; previous_step: what the MES says.
 
-    scanner_tested: whether the test code was read rightly this shift, or need not be.
+    scanner_tested: whether the test code was read rightly this shift, or need not be. label: which one is awaited.
     """
     model, job, why, release = models.of(wanted.serial), None, "", None
     if model is not None:
@@ -117,7 +119,7 @@ def situation_of(
     bad = unconfirmed(data, confirmed)
     return Situation(
         data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
-        jogging=jog_is_on(data),
+        jogging=jog_is_on(data), label=label,
     )  # fmt: skip
 
 
@@ -176,7 +178,7 @@ def _model_known(one: Situation) -> str | None:
         half, rest = one.wanted.serial[: len(one.wanted.serial) // 2], one.wanted.serial[len(one.wanted.serial) // 2 :]
         if half != rest or not one.model.fits(half):
             return None
-        return f"The code was read twice in one: '{half}' and '{rest}'. Scan the unit again."
+        return f"The scanner sent two codes as one: '{half}' and '{rest}'. Scan the unit again."
     return (
         f"No model has serial numbers like '{one.wanted.serial}'. Scan the label of the unit, or call the technician."
     )
@@ -228,6 +230,10 @@ def _bad_unit_put_away(one: Situation) -> str | None:
         return None
     bad = f"The unit of run {one.unconfirmed} is bad, or its record cannot be read."
     return f"{bad} Put it into the NOK box and confirm that."
+
+
+def _label_read(one: Situation) -> str | None:
+    return one.label or None
 
 
 def _attempts_left(one: Situation) -> str | None:
@@ -297,16 +303,19 @@ def _clock_plausible(one: Situation) -> str | None:
     except (StationError, ValueError):
         newest = None
     if now < EARLIEST or (newest is not None and newest > now + SLACK):
-        return f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before the newest run. Set the clock."
+        return (
+            f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before the newest run. Call the technician "
+            "to set the clock."
+        )
     return None
 
 
 CONDITIONS: tuple[Condition, ...] = (
     Condition("bench_free", "no run and no jog is in progress", _bench_free),
-    Condition("model_known", "the serial number is one of a known model", _model_known),
+    Condition("model_known", "the serial number belongs to a known model", _model_known),
     Condition(
         "scanner_tested",
-        "the test code was read as it is printed, once a shift",
+        "the scanner read the test code correctly in this shift",
         _scanner_tested,
         may_be_bypassed=True,
     ),
@@ -317,14 +326,15 @@ CONDITIONS: tuple[Condition, ...] = (
         may_be_bypassed=True,
     ),
     Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
-    Condition("recipe_released", "a second person has released the recipe as it is", _recipe_released),
+    Condition("recipe_released", "a second person has released this text of the recipe", _recipe_released),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
+    Condition("label_read", "the label of the last unit was read back on it", _label_read, may_be_bypassed=True),
     Condition(
-        "attempts_left", "the unit was not measured as often as its model allows", _attempts_left, may_be_bypassed=True
+        "attempts_left", "the unit was measured fewer times than its model allows", _attempts_left, may_be_bypassed=True
     ),
     Condition(
         "retest_reason",
-        "a unit that was measured before has a reason to be measured again",
+        "a reason is given if the unit was measured before",
         _retest_reason,
         may_be_bypassed=True,
     ),

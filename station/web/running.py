@@ -17,7 +17,7 @@ from pathlib import Path
 from threading import Event, RLock, Thread
 
 from definitions.program import Program
-from recipes import RecipeError
+from recipes import Recipe, RecipeError
 from station.bench.request import load_job, stored_job
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
@@ -54,6 +54,7 @@ class Now:
 
     attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
     loop: wind-up [arcmin] and torque [N·m]. altered: why the record of the run that has ended is not to be believed.
+    to_do: what the recipe says is done with the unit after this verdict, '' where it says nothing.
     record: the newest record of the scan, empty where none was read here; program: by which it was made.
     """
 
@@ -67,6 +68,7 @@ class Now:
     result: Result | None = None
     altered: tuple[str, ...] = ()
     refused: str = ""
+    to_do: str = ""
     record: bytes = b""
     program: Program | None = None
 
@@ -77,6 +79,7 @@ class _Watched:
 
     record: RunRecord
     reader: LiveReader | None
+    recipe: Recipe | None
     read_bytes: int = 0
     view: LiveView | None = None
     newest: bytes = b""
@@ -202,7 +205,7 @@ class Running:
                 is_on = manifest.state == RECORDING and not record.deserted()
                 last = self._process is None and self._ended is None and not self._refused and record is newest[-1]
                 if ours or is_on or last:
-                    self._watched = _Watched(record, _reader(record))
+                    self._watched = _watched(record)
                     self._serial = manifest.serial
                     return
             except StationError:
@@ -224,7 +227,9 @@ class Running:
             return replace(said, view=watched.view, loop=tuple(watched.loop))
         found = record.read(Result, RESULT) if record.has(RESULT) else None
         altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
-        return self._is_over(replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered))
+        to_do = "" if found is None or watched.recipe is None else watched.recipe.what_to_do.after(found.verdict)
+        over = replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered, to_do=to_do)
+        return self._is_over(over)
 
     def _is_over(self, ended: Now) -> Now:
         self._ended, self._watched = ended, None
@@ -235,7 +240,7 @@ class Running:
         try:
             lines = (self._data / OUTPUT).read_text(encoding="utf-8", errors="replace").strip().splitlines()
         except OSError as error:
-            return f"the run did not start; {OUTPUT} cannot be read: {error.strerror}"
+            return f"the run did not start, and {OUTPUT}, which has the reason, cannot be read: {error.strerror}"
         return " ".join(lines[-3:]) or "the run did not start and gave no reason"
 
 
@@ -245,12 +250,13 @@ def _attempt(manifest: Manifest) -> str:
     return text if manifest.attempt > 1 else ""
 
 
-def _reader(record: RunRecord) -> LiveReader | None:
+def _watched(record: RunRecord) -> _Watched:
     try:
         job = stored_job(record)
-        return LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
+        reader = LiveReader(job.program, angle_out=job.bench.sensors.angle_out is not None)
+        return _Watched(record, reader, job.recipe)
     except (RecipeError, StationError):
-        return None
+        return _Watched(record, None, None)
 
 
 def _read_on(watched: _Watched) -> None:

@@ -16,6 +16,8 @@ from starlette.types import ASGIApp
 
 from station.errors import StationError
 from station.web.guard import Guard
+from station.web.labels.outbox import Printing
+from station.web.labels.settings import load_labels
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
 from station.web.models import load_models
@@ -23,8 +25,9 @@ from station.web.pages.certificates import add_certificates
 from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
+from station.web.pages.people import add_people
 from station.web.pages.quality import add_quality_page
-from station.web.pages.recipes import add_recipe_pages
+from station.web.pages.recipes.page import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
 from station.web.people import audit
@@ -64,7 +67,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
     models, mes = load_models(served.data, served.models), load_mes(served.data)
-    settings = load_settings(served.data)
+    settings, labels = load_settings(served.data), load_labels(served.data)
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
@@ -75,7 +78,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     except StationError:
         database.close()
         raise
-    station = Station(served.data, database, models, Running(served.data), served.run_options, mes, settings)
+    station = Station(served.data, database, models, Running(served.data), served.run_options, mes, settings, labels)
     return station, password
 
 
@@ -95,6 +98,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_certificates(station)
     add_maintenance(station)
     add_jog(station)
+    add_people(station)
     add_results(station)
     add_run_page(station)
     add_quality_page(station)
@@ -129,9 +133,12 @@ def serve(served: Served) -> None:
     if station.settings.time_zone is not None:
         os.environ["TZ"] = station.settings.time_zone
         time.tzset()  # from here on local time is the plant's, on every page and in every search
-    sender = None
+    outboxes: list[Sender | Printing] = []
     try:
-        sender = None if station.mes is None else Sender(station.database, station.data, station.mes)
+        if station.mes is not None:
+            outboxes.append(Sender(station.database, station.data, station.mes))
+        if station.labels is not None:
+            outboxes.append(Printing(station.database, station.data, station.labels))
         family = socket.AF_INET6 if ":" in served.host else socket.AF_INET
         with socket.socket(family, socket.SOCK_STREAM) as listener:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -144,18 +151,18 @@ def serve(served: Served) -> None:
             scheme = "http" if served.certificate is None else "https"
             print(f"station  {scheme}://{served.host}:{port}/", flush=True)  # noqa: T201 - what a person needs
             if password is not None:
-                print(f"log in   admin, password {password} (good for choosing your own)", flush=True)  # noqa: T201
+                print(f"log in   admin, password {password} (choose your own at the first log-in)", flush=True)  # noqa: T201
             config = uvicorn.Config(
                 application(station, served, port), log_level="warning", access_log=False,
                 ssl_certfile=served.certificate, ssl_keyfile=served.key, server_header=False,
                 timeout_graceful_shutdown=2,
             )  # fmt: skip
-            if sender is not None:
-                sender.start()
+            for outbox in outboxes:
+                outbox.start()
             # What is loaded by now stays for good: no later collection has to look through it.
             gc.freeze()
             uvicorn.Server(config).run(sockets=[listener])
     finally:
-        if sender is not None:
-            sender.close()
+        for outbox in outboxes:
+            outbox.close()
         station.close()

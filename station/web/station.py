@@ -8,6 +8,7 @@ from pathlib import Path
 from station.web.bench.jogging import Jogging
 from station.web.bench.watch import BenchWatch
 from station.web.evaluations import Evaluations
+from station.web.labels.settings import Labels
 from station.web.mes.settings import MesSettings
 from station.web.models import Models
 from station.web.people import audit
@@ -30,6 +31,8 @@ class Station:
     mes: MesSettings | None = None
     """The MES of the plant; None: none is asked or told."""
     settings: Settings = field(default_factory=Settings)
+    labels: Labels | None = None
+    """The labels of the plant; None: none is printed or asked for."""
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""

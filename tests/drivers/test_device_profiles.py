@@ -65,7 +65,7 @@ MODBUS_MISTAKES = [
     (_set("read", "fields", 1, "name", "identity"), "a field name is used twice"),
     (_set("read", "table", "coil"), "found type u16 in table coil; allowed is bit"),
     (_set("identity", "value", 65536), "65535"),
-    (_set("identity", "text", "AB"), "needs the key value, without text"),
+    (_set("identity", "text", "AB"), "needs value and must not have text"),
     (_set("read", "fields", 4, "scale", 0.0), "the scale is 0"),
     (_set("read", "fields", 2, "bit", 0), "estop_released and guard_closed are the same bit"),
     (_set("read", "fields", -1, "scale", -1.0), "a counter has no scale and no zero. Delete them"),

@@ -68,7 +68,7 @@ def run_on(
         "run", recipe, "--bench", str(folder / f"{bench}.yaml"), *seed, "--serial", "P1-0001",
         "--json", "--pace", "fast", "--no-report",
     )  # fmt: skip
-    assert ran.json.get("state") == "complete", ran.json
+    assert ran.json.get("state") == "complete", str((ran.json["reasons"], ran.json["alarms"], ran.json["timing"]))
     assert ran.json["alarms"] == [], ran.json["reasons"]
     return ran.json
 

@@ -195,11 +195,15 @@ def test_an_angle_that_counts_backwards_is_found_by_direction(bench: Bench) -> N
     assert "angle_channels_disagree" in ran.json["ended"]
 
 
-def test_a_heartbeat_that_nobody_supervises_is_found_by_watchdogs(bench: Bench) -> None:
+def test_a_heartbeat_that_nobody_supervises_is_found_by_probe_and_by_watchdogs(bench: Bench) -> None:
     """The profile leaves it out: the time-out of set-points is then all that stops the drive, which is said."""
     bench.profile("virtual-drive", {"scaling:\n": "protections: {controller_heartbeat: none}\nscaling:\n"})
+    (told,) = bench.step("probe").json["findings"]
+    assert "The drive has 0x1016:1, but its profile does not use it" in told["what"], "before anything is enabled"
+    assert "'protections: {controller_heartbeat: consumer_heartbeat}' into profile virtual-drive" in told["cure"]
     bench.passed_before("watchdogs")
     ran = bench.step("watchdogs")
+    assert ran.exit_code == 0, ran
     assert [one["acted"] for one in ran.json["trials"]] == [True, False, True], ran
     (finding,) = ran.json["findings"]
     assert "controller_heartbeat: consumer_heartbeat" in finding["cure"]

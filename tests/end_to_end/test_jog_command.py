@@ -101,7 +101,9 @@ def test_it_turns_each_way_while_the_key_is_held_and_stops_without_it(jogging: J
     jogging.until(stands, "+", late_s=5.0)
     assert stands(jogging.phase()), "a key that was long on its way is none"
     assert jog_is_on(jogging.data)
-    assert "already" in why_no_jog(jogging.data, load_job(RECIPE, None))
+    assert "in progress" in why_no_jog(jogging.data, load_job(RECIPE, None))
+    refused = here("backup", str(jogging.data.parent / "b.tar"), "--data", str(jogging.data))
+    assert (refused.exit_code, "End it" in refused.err) == (2, True)
     jogging.say("end")
     assert jogging.process.wait(LONGEST_S) == 0
     assert not jog_is_on(jogging.data)
@@ -119,6 +121,13 @@ def test_it_turns_each_way_while_the_key_is_held_and_stops_without_it(jogging: J
     checked = here("verify", "--data", str(jogging.data), "--json")
     assert checked.exit_code == 0, checked.out
     assert checked.json["jogs"]["runs"] == 1
+    replayed = here("replay", record.id, "--data", str(jogging.data), "--json")
+    assert (replayed.exit_code, replayed.json["identical_scans"]) == (0, len(table)), replayed.out + replayed.err
+    assert (replayed.json["program_differs"], replayed.json["events_differ"]) == ([], [])
+    asked = here("replay", str(record.folder), "--recipe", RECIPE, "--data", str(jogging.data))
+    assert (asked.exit_code, "is a jog" in asked.err) == (2, True)
+    kept = here("backup", str(jogging.data.parent / "b.tar"), "--data", str(jogging.data), "--json")
+    assert (kept.exit_code, kept.json["jogs"]) == (0, 1), kept.out + kept.err
     (record.folder / "samples.bin" if (record.folder / "samples.bin").exists() else record.samples).write_bytes(b"")
     assert here("verify", "--data", str(jogging.data)).exit_code == 1, "a changed record of a jog is told"
     assert Store(jogging.data).runs() == [], "a jog is no run"

@@ -84,7 +84,7 @@ def test_the_limits_of_shipped_recipes_are_usual(name):
 SPREADS = {
     "{id: lost_motion, max_standard_deviation: 0.5 arcsec}": None,
     "{id: lost_motion, max: 1 arcmin, max_standard_deviation: 0 arcmin}": "a standard deviation above 0",
-    "{id: torque_ratio_slope, max_standard_deviation: 0.1}": "it has one value a run",
+    "{id: torque_ratio_slope, max_standard_deviation: 0.1}": "one value",
     "{id: grade, max_standard_deviation: 1}": "limit the backlash instead",
 }
 

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from drivers.pace import Kind, ToBench
 from virtual_bench import bench_time
 from virtual_bench.config import ServerConfig
+from virtual_bench.devices.modbus_servers import ModbusServer
 from virtual_bench.server import VirtualBench
 
 MS = 1_000_000
@@ -34,3 +36,31 @@ def test_plant_and_drive_after_a_standstill(
     assert bench.plant.now_ns == pytest.approx(plant_ms * MS, abs=50_000)
     assert excused == ([] if excused_ms is None else [excused_ms * MS])
     assert logged == said
+
+
+def test_a_request_that_comes_after_it_was_given_up_is_answered_at_once(
+    server_config: ServerConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A device with one request in hand takes the next one when the first is answered, and the bench waits for that."""
+    bench = VirtualBench(server_config, None, lambda *_text, **_more: None)
+    monkeypatch.setattr(ModbusServer, "reachable", True)
+    server, *others = bench.servers.values()
+    answered: list[int] = []
+    bench.begin(MS)
+
+    def ended(scan: int) -> ToBench:
+        return ToBench(Kind.SCAN_ENDED, scan, 0, 0, (scan + 1, *[0] * len(others)))
+
+    assert bench.missing(ended(0)), "the host holds the request up"
+    bench.give_up(ended(0))
+    bench.let_scan_pass(ended(0))
+    server.requests = 1
+    server._waiting.append(lambda: answered.append(0))
+    assert bench.missing(ended(1))
+    assert answered == [0]
+    server.requests = 2
+    server._waiting.append(lambda: answered.append(1))
+    assert not bench.missing(ended(1))
+    assert answered == [0], "a request that comes in time is answered when the scan has ended"
+    bench.let_scan_pass(ended(1))
+    assert answered == [0, 1]

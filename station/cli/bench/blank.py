@@ -105,7 +105,7 @@ def _source(
 
 def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trace, date, Recipe, Bench | None, str]:
     if run.state() != "complete":
-        raise StationError(f"{run.id}: the run is {run.state()}; expected a complete one")
+        raise StationError(f"{run.id}: the run is {run.state()}; expected a complete run. Name another run")
     manifest = run.manifest()
     own = load_recipe(run.folder / "recipe.yaml" if recipe is None else recipe)
     where = load_bench(run.folder / "bench.yaml" if bench is None else find_bench(bench))
@@ -119,7 +119,9 @@ def _fixture(curve: FixtureCurve, made: date, due: date) -> Fixture:
     ends = (curve.torque_nm[0], curve.torque_nm[-1])
     turned = curve.deflection_arcmin[-1] - curve.deflection_arcmin[0]
     if not turned > 0:
-        raise StationError("the fixture does not deflect at all: check the angle that the trace holds")
+        raise StationError(
+            "the angle does not change under load, so the fixture has no deflection. Check the angle in the trace"
+        )
     points = tuple(
         BlankPoint(f"{torque:.{DIGITS}g} N·m", f"{angle:.{DIGITS}g} arcmin")
         for torque, angle in zip(curve.torque_nm, curve.deflection_arcmin, strict=True)

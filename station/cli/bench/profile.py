@@ -13,7 +13,7 @@ from drivers.can.bus import open_can
 from drivers.can.other_controller import refuse_other_controller
 from drivers.errors import DriverError
 from drivers.servo_drive.comparison import Compared, compare_drive
-from drivers.servo_drive.objects import missing_protections
+from drivers.servo_drive.unused import missing_on
 from recipes import RecipeError, find_bench, load_bench
 from station.atomic_file import write_atomic
 from station.bench.assemble import can_config, drive_config, drive_profile
@@ -137,11 +137,14 @@ def compare(bench_name: str, *, as_json: bool) -> int:
             try:
                 refuse_other_controller(link, drive)
                 compared = compare_drive(link, drive, PERIOD_NS)
+                answers = not any(one.outcome == "no answer" for one in compared)
+                left_out = missing_on(link, drive) if answers else []
             finally:
                 link.close()
         except DriverError as error:
             raise BenchFaultError(str(error)) from error
-    missing = [missing_text(one) for one in missing_protections(profile)]
+    missing = [missing_text(one.protection) for one in left_out]
+    missing += [f"{one.what} {one.cure(profile.profile.name)}" for one in left_out if one.there]
     if as_json:
         rows = [one._asdict() for one in compared]
         typer.echo(

@@ -212,7 +212,7 @@ def doctor(*, as_json: bool) -> int:
     if as_json:
         sys.stdout.write(json.dumps(plain(findings), ensure_ascii=False) + "\n")
         return IN_THE_WAY if wrong else 0
-    rows = [("ok" if one.in_order else "MEND", one.name, one.found) for one in findings]
+    rows = [("ok" if one.in_order else "FIX", one.name, one.found) for one in findings]
     blocks: list[str | Grid] = [Grid(("", "", ""), rows)]
     blocks += [f"{one.name}: {one.mend}" for one in wrong]
     blocks.append(

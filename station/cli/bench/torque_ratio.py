@@ -154,7 +154,7 @@ def _of_file(path: Path) -> Lines:
     if not fits:
         raise AnalysisError(
             f"{path}: segments {role}: found fewer than {LEAST_POINTS} points in every quadrant; expected a loading "
-            "or an unloading through most of the torque"
+            "or unloading branch over most of the torque range"
         )
     missing = [quadrant for quadrant in points if quadrant not in fits]
     notes = (

@@ -7,12 +7,13 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-from definitions.commissioning import STEP_BY_ID, STEPS, Step
+from definitions.commissioning import STEP_BY_ID, Step
 from drivers.can.bus import open_can
 from drivers.can.other_controller import refuse_other_controller
 from drivers.config import WireBenchConfig
 from drivers.modbus.part_fields import PART_FIELDS
 from drivers.servo_drive.comparison import Compared
+from drivers.servo_drive.emcy import emcy_sentence
 from station.bench.commissioned import Change, protocol_path
 from station.cli.say import Grid, say
 from station.commissioning.on_wires import PERIOD_NS, ByHand, OnWires, on_wires
@@ -117,7 +118,7 @@ def _why(changes: Sequence[Change], waits_for: Sequence[str], state: str) -> str
     if state == "passed":
         return ""
     if changes:
-        return f"{len(changes)} entries changed" if len(changes) > 1 else f"{changes[0].part} changed"
+        return f"{len(changes)} {'entry' if len(changes) == 1 else 'entries'} changed"
     return f"after {waits_for[0]}" if waits_for else ""
 
 
@@ -163,7 +164,7 @@ def registers(
             tell(f"Press on each torque sensor, one after the other: {each}. At most {seconds:g} s.")
 
     def pressed(row: Row, value: float) -> None:
-        tell(f"  {row.field} {value:.6g} N·m   raw {row.raw}   big {row.big}   little {row.little}")
+        tell(f"  {row.field} {value:.6g} N·m   raw {row.raw}   big {_number(row.big)}   little {_number(row.little)}")
 
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
@@ -222,7 +223,7 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
             link = open_can(wires.can)
             try:
                 refuse_other_controller(link, wires.drive)
-                reactions.append(trials.measure(link, wires.drive, PERIOD_NS, trial, _safety_chain(by_hand, wires)))
+                reactions.append(trials.measure(link, wires.drive, PERIOD_NS, trial, safety_chain(by_hand, wires)))
             finally:
                 link.close()
     rows = [
@@ -232,14 +233,19 @@ def watchdogs(bench_name: str, by: str | None, *, as_json: bool) -> int:
             "" if not one.acted else f"{one.seen_enabled_s * 1e3:.0f} to {one.after_s * 1e3:.0f} ms",
             "" if one.off_s is None else f"{one.off_s * 1e3:.0f} ms",
             _timeout(trial, one),
-            f"0x{one.emcy_code:04X}" if one.emcy_code else "",
         )
         for trial, one in zip(trials.TRIALS, reactions, strict=True)
     ]
-    heads = ("trial", "drive reacts", "after", "without torque after", "time-out", "EMCY")
+    heads = ("trial", "drive reacts", "after", "without torque after", "time-out")
     done = write_down(bench, "watchdogs", by, trials.judged(reactions), trials.figures(reactions))
     said = SaidOfWatchdogs([TrialSaid(reaction=one, state=one.state.name.lower()) for one in reactions])
-    return end(bench, done, [Grid(heads, rows)], said, as_json=as_json)
+    blocks: list[Block] = [Grid(heads, rows)]
+    blocks += [
+        f"{trial.title}: {emcy_sentence(one.emcy_code)}"
+        for trial, one in zip(trials.TRIALS, reactions, strict=True)
+        if one.emcy_code
+    ]
+    return end(bench, done, blocks, said, as_json=as_json)
 
 
 def _timeout(trial: Trial, reaction: Reaction) -> str:
@@ -252,15 +258,23 @@ def _timeout(trial: Trial, reaction: Reaction) -> str:
 STALE_MS = 500
 """Age of the contacts from which on they are not known."""
 
+NOT_ASKED_MS = 100
+"""Time between two looks from which on the contacts grew old because nobody asked, as while the drive is set up."""
 
-def _safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
+
+def safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
+    """Return what looks at emergency stop and guard, and says what speaks against an enabled drive, '' for nothing."""
     device = by_hand.devices["remote_io"]
     names = PART_FIELDS["remote_io"]
-    begun = by_hand.scan
+    looked = asked_since = by_hand.scan
 
     def look() -> str:
+        nonlocal looked, asked_since
         by_hand.step()
-        if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - begun > STALE_MS):
+        if by_hand.scan - looked > NOT_ASKED_MS:
+            asked_since = by_hand.scan
+        looked = by_hand.scan
+        if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - asked_since > STALE_MS):
             return f"{wires.remote_io.where} does not answer: emergency stop and guard not known. Check its cable"
         if not device.replies:
             return ""
@@ -294,8 +308,7 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], said: tuple[object,
         blocks += ["", f"{'WRONG' if finding.refuses else 'note'}  {finding.what}", f"       {finding.cure}"]
         named = [name for name in bench.profiles if f"profile {name}" in finding.cure]
         blocks += [f"       Profile {name}: {bench.profiles[name].path}" for name in named]
-    place = [one.id for one in STEPS].index(step.id)
-    following = STEPS[place + 1] if done.passed and place + 1 < len(STEPS) else None
+    following = next((one.step for one in how_it_stands(bench) if one.state != "passed"), None) if done.passed else None
     passed = f"passed{_with_notes(done)}" if done.passed else "NOT PASSED"
     blocks += ["", f"{step.id}: {passed}. Protocol: {protocol_path(bench.path)}"]
     if following is not None:
@@ -306,7 +319,7 @@ def end(bench: OnWires, done: StepDone, blocks: list[Block], said: tuple[object,
             f"  lostmotion bench status --bench {bench.path}",
         ]
     else:
-        blocks.append(f"That was the last step. Next: lostmotion run RECIPE --bench {bench.path} --serial SN")
+        blocks.append(f"All steps have passed. Next: lostmotion run RECIPE --bench {bench.path} --serial SN")
     say(document, blocks, as_json=as_json)
     return 0 if done.passed else NOT_PASSED
 

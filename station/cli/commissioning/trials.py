@@ -142,7 +142,7 @@ def timing(bench_name: str, recipe: str, seconds: float, by: str | None, *, as_j
     if share > MISSED_ALLOWED:
         what = f"{report.missed} of {report.periods} periods missed, {share:.2%}; {MISSED_ALLOWED:.1%} allowed."
         findings.append(
-            Finding(what=what, cure="Run: lostmotion doctor. It says what holds the scan up and how to mend it.")
+            Finding(what=what, cure="Run: lostmotion doctor. It shows what delays the scan, and what to do.")
         )
     late, work = report.lateness_us, report.work_us
     figures = (

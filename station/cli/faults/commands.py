@@ -101,7 +101,7 @@ def faults_pairs(
     workers: Annotated[int, typer.Option("--workers", min=1, help="Number of parallel processes.")] = 2,
     as_json: JsonOption = False,
 ) -> None:
-    """Inject two faults at once, drawn by chance, in virtual time. Exit code: 0 nothing wrong, 1 something is."""
+    """Inject pairs of faults, chosen at random, in virtual time. Exit code: 0 nothing wrong, 1 something is."""
     from station.cli.faults import pairs as command_pairs
 
     raise typer.Exit(command_pairs.pairs(seed, range(first, first + count), workers, as_json=as_json))

@@ -12,10 +12,10 @@ from analysis.evaluation.verdict import check_limits
 from station.errors import StationError
 
 TEXTS = {
-    "outside": "parts truly outside the limits",
-    "false_accept": "PFA: outside and accepted (consumer's risk)",
-    "false_reject": "PFR: good and not accepted (producer's risk)",
-    "false_fail": "good and called FAIL",
+    "outside": "parts whose true value is outside the limits",
+    "false_accept": "PFA: bad parts accepted (consumer's risk)",
+    "false_reject": "PFR: good parts not accepted (producer's risk)",
+    "false_fail": "good parts with the verdict FAIL",
     "undecided": "NOT DECIDABLE: neither PASS nor FAIL",
 }
 """Field of the risks: its words."""

@@ -147,7 +147,7 @@ def rule_text(recipe: Recipe) -> str:
     decision = recipe.decision
     if decision.rule == "simple":
         return "simple: the measured value is compared with the limit"
-    return f"guard band: limits moved by w = {decision.guard_factor:g} U; between them NOT DECIDABLE"
+    return f"guard band: nearer to the limit than w = {decision.guard_factor:g} U, a value is NOT DECIDABLE"
 
 
 def check(recipe: str, bench: str | None, *, as_json: bool) -> int:

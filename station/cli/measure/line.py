@@ -10,14 +10,16 @@ import os
 import select
 import signal
 import sys
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from functools import partial
 from pathlib import Path
 
 from station.errors import StationError
 from station.reports.result_text import VERDICT_STYLES
 from station.run.next_run import NextRun
+from station.web.labels import outbox
+from station.web.labels.settings import Labels, load_labels
 from station.web.mes.previous_step import PreviousStep, previous_step
 from station.web.mes.settings import load_mes
 from station.web.models import Models, load_models
@@ -34,7 +36,7 @@ ENDINGS = {0: "PASS", 1: "FAIL", 3: "NOT DECIDABLE"}
 DO = {
     "PASS": "Scan the next unit.",
     "FAIL": f"Put the unit into the NOK box and scan its code, or type {NOK}.",
-    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and say why.",
+    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and give the reason.",
 }
 ELSE = "Call the technician to the bench."
 READ_BYTES = 4096
@@ -44,17 +46,68 @@ Say = Callable[[str], None]
 AskMes = Callable[[str], PreviousStep | None]
 
 
+def _to_do(now: Situation, verdict: str) -> str:
+    """Return what is done with the unit: what its recipe says, and how a bad one is put away here."""
+    own = "" if now.job is None else now.job.recipe.what_to_do.after(verdict)
+    if not own:
+        return DO[verdict]
+    return f"{own} Then scan its code, or type {NOK}." if verdict == "FAIL" else own
+
+
+class NoLabels:
+    """A bench without labels."""
+
+    def awaited(self) -> str:
+        """Return why the next unit has to wait for a label, in words; '' where it has not."""
+        return ""
+
+    def read(self, scanned: str) -> str:  # noqa: ARG002 - a bench with labels looks at it
+        """Take a scanned text as a label; return what became of it, '' where it is none."""
+        return ""
+
+
+class PrintedLabels(NoLabels):
+    """The labels of a data folder."""
+
+    def __init__(self, database: StationDatabase, data: Path, labels: Labels, operator: str | None) -> None:
+        self._database, self._data, self._labels = database, data, labels
+        self._operator = operator or "line"
+
+    def awaited(self) -> str:
+        """Return why the next unit has to wait for a label."""
+        with self._database.reading() as connection:
+            return outbox.why_not_next(connection, self._data, self._labels)
+
+    def read(self, scanned: str) -> str:
+        """Note that the awaited label was read on its unit, or say which one was scanned."""
+        with self._database.writing() as connection:
+            if not outbox.is_label(connection, scanned.strip()):
+                return ""
+            try:
+                found = outbox.read_back(connection, self._labels, scanned.strip(), self._operator)
+            except outbox.WrongLabelError as error:
+                return f"REFUSED  {error}"
+        return f"The label of unit {found.serial} is on it. {DO['PASS']}"
+
+
 class Line:
     """The loop: takes what was scanned, one text at a time."""
 
     def __init__(  # noqa: PLR0917 - where it works, and whom it asks and tells
-        self, data: Path, models: Models, operator: str | None, run: Run, say: Say, mes: AskMes = lambda _serial: None
+        self,
+        data: Path,
+        models: Models,
+        operator: str | None,
+        run: Run,
+        say: Say,
+        mes: AskMes = lambda _serial: None,
+        labels: NoLabels | None = None,
     ) -> None:
         """Begin; `run` measures a unit by options of `lostmotion run` and returns its exit code.
 
-        mes: what the MES says of the previous process step of a serial number.
+        mes: what the MES says of the previous process step of a serial number. labels: those of the bench, if any.
         """
-        self._mes = mes
+        self._mes, self._labels = mes, labels or NoLabels()
         self._data, self._models, self._operator = data, models, operator
         self._run, self._say = run, say
         self._confirmed: frozenset[str] = frozenset()
@@ -86,6 +139,9 @@ class Line:
             self._confirmed |= {bad} if bad else frozenset()
             self._say(f"The unit of run {bad} is put away. {DO['PASS']}" if bad else f"No unit is bad. {DO['PASS']}")
             return
+        if told := self._labels.read(scanned):
+            self._say(told)
+            return
         try:
             serial = serial_of(scanned)
         except ScanError as error:
@@ -101,7 +157,7 @@ class Line:
     def _measure(self, wanted: Wanted) -> None:
         now = situation_of(
             self._data, self._models, wanted, busy=False, confirmed=self._confirmed,
-            previous_step=self._mes(wanted.serial),
+            previous_step=self._mes(wanted.serial), label=self._labels.awaited(),
         )  # fmt: skip
         why = refusals(now)
         if [name for name, _ in why] == ["retest_reason"]:
@@ -115,7 +171,7 @@ class Line:
         self.has_run, self.likely = True, now.likely
         verdict = ENDINGS.get(self._run(self._options(now)), "")
         if verdict:
-            self._say(f"{verdict}  {wanted.serial}  {DO[verdict]}")
+            self._say(f"{verdict}  {wanted.serial}  {_to_do(now, verdict)}")
         else:
             self._say(f"NO RESULT  {wanted.serial}  {ELSE}")
 
@@ -173,9 +229,9 @@ def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[
     except OSError as error:
         raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another folder") from error
     scans, table = Scans(sys.stdin.fileno()), load_models(data, models)
-    with closing(NextRun(own_session=False)) as next_run:
+    with closing(NextRun(own_session=False)) as next_run, _labels_of(data, operator) as labels:
         run = partial(_ran, next_run, extra)
-        loop = Line(data, table, operator, run, _told, _mes_of(data))
+        loop = Line(data, table, operator, run, _told, _mes_of(data), labels)
         loop.begin()
         while True:
             next_run.get_ready(*loop.likely)
@@ -202,6 +258,19 @@ def _mes_of(data: Path) -> AskMes:
             return previous_step(connection, settings, serial)
 
     return ask
+
+
+@contextmanager
+def _labels_of(data: Path, operator: str | None) -> Iterator[NoLabels]:
+    """Yield the labels of a data folder, and print them meanwhile."""
+    settings = load_labels(data)
+    if settings is None:
+        yield NoLabels()
+        return
+    database = StationDatabase(data)
+    with closing(database), closing(outbox.Printing(database, data, settings)) as printing:
+        printing.start()
+        yield PrintedLabels(database, data, settings, operator)
 
 
 def _ran(next_run: NextRun, extra: Sequence[str], options: Sequence[str]) -> int:

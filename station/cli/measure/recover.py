@@ -83,7 +83,8 @@ def recover(
     table = sound_table(content, layout)
     if not len(table):
         raise StationError(
-            f"{run.id}: has no readable records, so the state of the bench is not known. Treat the unit as wound up"
+            f"{run.id}: has no readable records, so the state of the bench is not known. Treat the unit as "
+            "wound up: keep clear of its shafts"
         )
     result, doubts = result_and_doubts(run)
     as_it_was_left = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not doubts
@@ -190,7 +191,7 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
     on = f" on bench {name}" if name else ""
     if virtual:
         raise StationError(f"{store.data}: the runs{on} were in virtual time: there is no bench to recover")
-    raise StationError(f"{store.data}: no run{on} has left a record: name the runs' folder with --data")
+    raise StationError(f"{store.data}: no run{on} has a record. Name the folder of the runs with --data")
 
 
 def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | None) -> RunRecord:

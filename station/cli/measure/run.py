@@ -327,11 +327,11 @@ def _pacing(options: Options, job: Job, scenario: Scenario | None = None) -> Pac
     """Return the clock of the run; StationError for options that speak of another one."""
     if options.virtual_time:
         if options.wall_clock or options.fast:
-            raise StationError("--virtual-time has no wires: leave --wall-clock and --pace out")
+            raise StationError("--virtual-time does not allow --wall-clock or --pace. Leave them out")
         return Pacing(VIRTUAL)
     pacing = pacing_of(job, scenario, wall_clock=options.wall_clock, fast=options.fast)
     if options.fast and pacing.clock != SCAN:
-        raise StationError("--pace fast is for a virtual bench that waits for the scan; leave it out here")
+        raise StationError("--pace fast is only for a virtual bench that waits for the scan. Leave it out")
     return pacing
 
 

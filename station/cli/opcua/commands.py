@@ -36,7 +36,9 @@ def opcua_serve(
     data: DataOption = DEFAULT_DATA,
     install_unit: Annotated[
         Path | None,
-        typer.Option("--install-unit", metavar="DIR", help="Do not serve: write a systemd unit for this folder."),
+        typer.Option(
+            "--install-unit", metavar="DIR", help="Write a systemd unit for this folder into DIR, and do not serve."
+        ),
     ] = None,
 ) -> None:
     """Serve states, live values and results by OPC UA, as opcua.yaml in the data folder says. Runs go on without it."""
@@ -82,7 +84,7 @@ def opcua_trust(
     file: Annotated[Path, typer.Argument(metavar="FILE", help="Certificate of the client's application, DER or PEM.")],
     data: DataOption = DEFAULT_DATA,
 ) -> None:
-    """Trust the certificate of a client's application; a server that is on knows it at once."""
+    """Trust the certificate of a client's application; a running server accepts it at once."""
     from station.opcua.certificates import Trust, fingerprint
     from station.opcua.settings import load_opcua
 
@@ -97,7 +99,7 @@ def opcua_trust(
 
 @opcua_app.command("clients")
 def opcua_clients(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """List the clients that are owed results: how many wait for each, and when it was last heard."""
+    """List the clients that receive results: how many results wait for each, and the time of its last contact."""
     with _outbox(data) as outbox:
         rows = outbox.clients()
         if as_json:
@@ -115,7 +117,7 @@ def opcua_forget(
     name: Annotated[str, typer.Argument(metavar="CLIENT", help="Name of the client in opcua.yaml.")],
     data: DataOption = DEFAULT_DATA,
 ) -> None:
-    """Forget a client and the results that wait for it, when it was taken out of opcua.yaml."""
+    """Delete the results that wait for a client which is no longer in opcua.yaml."""
     with _outbox(data) as outbox:
         sys.stdout.write(f"forgotten  {name}, with {outbox.forget(name)} results that it was owed\n")
 
@@ -128,7 +130,7 @@ def _outbox(data: Path) -> Iterator[Outbox]:
     from station.web.people.database import FILE, StationDatabase
 
     if not (data / FILE).is_file():
-        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another folder with --data")
+        raise StationError(f"{data}: has no {FILE}: no server ran with this folder. Name another folder with --data")
     database = StationDatabase(data)
     try:
         yield Outbox(database, data)

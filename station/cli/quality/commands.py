@@ -367,7 +367,9 @@ def validation(
     ] = "operator",
     evidence: Annotated[
         list[Path] | None,
-        typer.Option("--evidence", metavar="FILE", help="File for a person to read, kept in the pack; repeatable."),
+        typer.Option(
+            "--evidence", metavar="FILE", help="File that is copied into the pack for the auditor; repeatable."
+        ),
     ] = None,
     recipe: RecipeFilter = None,
     since: SinceOption = None,

@@ -281,8 +281,8 @@ def print_trial(data: Path, lot: Lot, tried: Tried, person: str | None, *, as_js
         heads = ("side", "", "beyond the limits", "accepted wrongly (PFA)", "rejected wrongly (PFR)", "NOT DECIDABLE")
         blocks.append(Grid(heads, [row for one in known for row in _risk_rows(one)], right=(2, 3, 4, 5)))
         notes.append(
-            f"risks: for a normal process with the spread of the values, without the uncertainty u = {_us(known)} "
-            f"{unit}"
+            "risks: calculated for a normal distribution with the standard deviation of these values, after the "
+            f"measurement uncertainty u = {_us(known)} {unit} is subtracted"
         )
     blocks += [f"{one.before} → {one.after}  {one.run}" for one in found.flipped]
     blocks += [f"side {one.side}: no risks: {one.why}" for one in found.risks if one.why]

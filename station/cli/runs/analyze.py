@@ -31,7 +31,7 @@ LEAST_DRAWS = 50
 
 MEANS = (
     "Monte Carlo, {draws} draws of all errors at once: its u, and the interval that holds 95.45 % of the draws, "
-    "without sensitivities and without k. The U of the budget, k·u with k = 2, is what decides."
+    "without sensitivities and without k. The verdict uses the U of the uncertainty budget (k = 2), not these values."
 )
 NONE = "Monte Carlo: no sensor specifications; give the bench file (--bench)"
 

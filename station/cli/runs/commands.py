@@ -136,7 +136,8 @@ def reevaluate(
         ),
     ] = None,
     recipe: Annotated[
-        str | None, typer.Option("--recipe", metavar="NEW", help="Another recipe: the whole records are read.")
+        str | None,
+        typer.Option("--recipe", metavar="NEW", help="Evaluate with another recipe. Reads the whole records."),
     ] = None,
     preset: PresetOption = None,
     metric: ChosenMetricOption = None,

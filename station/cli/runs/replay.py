@@ -21,7 +21,6 @@ from station.documents.entries import left_out, plain
 from station.documents.events import EventRow
 from station.documents.reading import document_in
 from station.errors import RecordError, StationError
-from station.records.data_folder import Store
 from station.records.program_file import PROGRAM, program_differences
 from station.records.run_record import EVENTS, RunRecord
 from station.records.samples.samples import samples_bytes
@@ -29,6 +28,7 @@ from station.records.samples.table import table_of
 from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.results.replay import FirstDiffering, Replayed, not_compared, replay
 from station.run.conclusion import NOT_DECIDABLE
+from station.run.jog.jogs import find_record, stored_jog
 
 SAME, DIFFERS, BAD, UNDECIDED = 0, 1, 2, EXIT_CODES[NOT_DECIDABLE]
 FIRST_DECISIONS = 1
@@ -39,7 +39,7 @@ NOT_ASKED_OF = {DIFFERS: "a replay that differs", BAD: "a damaged record", EXIT_
 
 
 def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> int:
-    """Replay a run; 0 identical, 1 not, 2 when the record is damaged, 3 when it was altered.
+    """Replay a run or a jog; 0 identical, 1 not, 2 when the record is damaged, 3 when it was altered.
 
     An altered record is replayed, because where it differs is worth knowing, but 0 becomes 3: identical to what?
     With another recipe 0 says that nothing would have changed, 1 that something would have, 3 that nothing can be said,
@@ -50,18 +50,22 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
             recipe does not fit the run.
 
     """
-    run = Store(data).find(name)
+    run, is_jog = find_record(data, name)
+    if is_jog and other is not None:
+        raise StationError(
+            f"--recipe: {run.id} is a jog, which nothing of a recipe is run in. Replay it without --recipe"
+        )
     altered = alterations(run)
     try:
-        return _replay(run, altered, other, as_json=as_json)
+        job = stored_job(run)
+        return _replay(run, stored_jog(run, job) if is_jog else job, altered, other, as_json=as_json)
     except (StationError, RecipeError):
         # What cannot be read may be what was altered: that is said before the reason.
         sys.stderr.writelines(f"{line}\n" for line in alteration_lines(altered))
         raise
 
 
-def _replay(run: RunRecord, altered: tuple[str, ...], other: str | None, *, as_json: bool) -> int:
-    job = stored_job(run)
+def _replay(run: RunRecord, job: Job, altered: tuple[str, ...], other: str | None, *, as_json: bool) -> int:
     content, layout = samples_bytes(run), run.layout()
     kept = run.manifest().left
     left = None if kept is None else Left(kept.fault, kept.torque_in_tare_nm, kept.torque_out_tare_nm)

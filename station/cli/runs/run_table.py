@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import sys
 from datetime import UTC, datetime
 from pathlib import Path
@@ -13,9 +11,10 @@ from station.cli.say import Grid, say
 from station.documents.manifest import VERDICTS
 from station.errors import StationError
 from station.reports.result_text import number
-from station.results.csv_cells import MARK, figure_cell, text_cell
-from station.results.export import LOCALES, CsvStyle
-from station.store.run_table import RUN_COLUMNS, RunTableRow, columns_of, run_table
+from station.results.csv_cells import MARK, text_cell
+from station.results.export import LOCALES
+from station.store.run_csv import csv_of
+from station.store.run_table import RUN_COLUMNS, RunTableRow, run_table
 from station.store.stored_runs import Wanted
 from station.store.view import look_at, without_collector
 
@@ -69,25 +68,6 @@ def moment_of(text: str, option: str = "--since") -> str:
             f"{option}: found {text!r}; allowed is a date, as in 2026-01-31 or 2026-01-31T08:00"
         ) from None
     return moment.astimezone(UTC).isoformat(timespec="milliseconds")
-
-
-def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
-    """Return the runs as CSV: what is known of each, then value and expanded uncertainty U of every metric."""
-    columns = columns_of(rows)
-    stream = io.StringIO()
-    writer = csv.writer(stream, delimiter=style.separator, lineterminator="\n")
-    heads = list(RUN_COLUMNS)
-    for column in columns:
-        unit = "" if column.unit in ("", "1") else f" [{column.unit}]"
-        heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
-    writer.writerow(heads)
-    for row in rows:
-        cells = [text_cell(getattr(row.run, name)) for name in RUN_COLUMNS]
-        for column in columns:
-            found = row.values.get(column)
-            cells += [figure_cell(part, style) for part in ((None, None) if found is None else found[:2])]
-        writer.writerow(cells)
-    return stream.getvalue()
 
 
 def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:

@@ -158,7 +158,7 @@ def fetch_run(data: Path, name: str, *, as_json: bool) -> int:
     """
     run = fetch(data, Place(load_settings(data)), name)
     return say(
-        {"run": run.id, "record": str(run.folder)}, [f"{run.id}: is in {data} again, as it was sealed"], as_json=as_json
+        {"run": run.id, "record": str(run.folder)}, [f"{run.id}: is in {data} again, unchanged"], as_json=as_json
     )
 
 

@@ -18,7 +18,7 @@ archive_app = typer.Typer(
 
 @archive_app.command()
 def push(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Put every concluded run that is not in the archive there. Exit code: 0, 1 some were left out, 2 bad input."""
+    """Copy every concluded run that is not in the archive into it. Exit code: 0, 1 some were left out, 2 bad input."""
     from station.cli.store import archive as command_archive
 
     raise typer.Exit(command_archive.push_runs(data, as_json=as_json))
@@ -26,7 +26,7 @@ def push(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
 
 @archive_app.command()
 def status(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Print what is archived, what waits, and which runs are only there. Nothing is read from the archive."""
+    """Print how many runs are archived, waiting, or only in the archive. The archive itself is not read."""
     from station.cli.store import archive as command_archive
 
     raise typer.Exit(command_archive.status(data, as_json=as_json))
@@ -46,7 +46,7 @@ def fetch(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Bring the record of a run back into the data folder, the same bytes, compared with its hashes and the chain."""
+    """Copy the record of a run from the archive back into the data folder, and check that it is unchanged."""
     from station.cli.store import archive as command_archive
 
     raise typer.Exit(command_archive.fetch_run(data, name, as_json=as_json))
@@ -58,11 +58,11 @@ def ask(
         str, typer.Argument(metavar="SQL", help="SELECT on the views runs, metrics, traces and files (DuckDB).")
     ],
     most: Annotated[int, typer.Option("--most", metavar="N", min=1, help="Largest number of rows.")] = 1000,
-    as_csv: Annotated[bool, typer.Option("--csv", help="Print the answer as CSV.")] = False,
+    as_csv: Annotated[bool, typer.Option("--csv", help="Print the result as CSV.")] = False,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Ask the archive in SQL. It is only read."""
+    """Query the archive in SQL, read-only."""
     from station.cli.store import archive as command_archive
 
     raise typer.Exit(command_archive.ask_archive(data, sql, most, as_csv=as_csv, as_json=as_json))

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from station.documents.entries import plain
-from station.records.backup import Kept, back_up, restore
+from station.records.backup import Kept, back_up, below, restore
 from station.records.verify import verify_folder
 from station.web.people import audit
 from station.web.people.database import FILE, StationDatabase
@@ -37,27 +37,36 @@ def restored(file: Path, data: Path, *, as_json: bool) -> int:
 
 def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
     found = verify_folder(data)
+    others = {one.name: verify_folder(one) for one in below(data)}
+    problems = [*found.problems, *(problem for one in others.values() for problem in one.problems)]
     head = _audit_head(data)
     if as_json:
         document = plain(kept) | {
             "file": str(file),
             "data": str(data),
             "runs": found.runs,
+            **{name: one.runs for name, one in others.items()},
             "chain_entries": found.walk.entries,
             "audit": None if head is None else {"lines": head.lines, "sha256": head.head_sha256},
-            "passed": not found.problems,
+            "passed": not problems,
         }
         sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
     else:
         lines = [
             f"{file}: {kept.files} files, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
-            f"{data}: {found.runs} runs, {found.walk.entries} entries of the chain",
+            ", ".join(
+                [
+                    f"{data}: {found.runs} runs",
+                    *(f"{one.runs} {name}" for name, one in others.items()),
+                    f"{found.walk.entries} entries of the chain",
+                ]
+            ),
             *([] if head is None else [f"audit trail: {head.lines} lines, head {head.head_sha256}"]),
-            "every file has its recorded hash; 'verify' " + ("passed" if not found.problems else "finds problems:"),
-            *(f"  {problem.text}" for problem in found.problems[:20]),
+            "every file has its recorded hash; 'verify' " + ("passed" if not problems else "finds problems:"),
+            *(f"  {problem.text}" for problem in problems[:20]),
         ]
         sys.stdout.writelines(f"{line}\n" for line in lines)
-    return EXIT_PROBLEMS if found.problems else 0
+    return EXIT_PROBLEMS if problems else 0
 
 
 def _audit_head(data: Path) -> audit.Head | None:

@@ -102,7 +102,7 @@ def frequency(
         str | None,
         typer.Option("--recipe", metavar="RECIPE", help="Recipe to evaluate a file. A stored run uses its own recipe."),
     ] = None,
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the lines as CSV.")] = None,
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="Write the spectral lines as CSV.")] = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:

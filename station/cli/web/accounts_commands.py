@@ -100,7 +100,7 @@ def recipes_ask(name: RecipeName, revision: RevisionArgument, who: WhoOption, da
 def recipes_release(
     name: RecipeName, revision: RevisionArgument, who: WhoOption, data: DataOption = DEFAULT_DATA
 ) -> None:
-    """Release a recipe that another person has written. From then on units are measured by it."""
+    """Release a recipe that another person has written. From then on, units are measured with it."""
     _done(data, who, "release_recipe", _as_read(data, name, revision))
 
 

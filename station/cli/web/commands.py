@@ -23,7 +23,7 @@ audit_app = typer.Typer(help="Who did what at the station.", no_args_is_help=Tru
 def serve(
     data: DataOption = DEFAULT_DATA,
     host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port; 0: a free one.")] = 8080,
+    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port. 0: any free port.")] = 8080,
     models: Annotated[
         Path | None,
         typer.Option("--models", metavar="FILE", help="Table of models. Default: models.yaml in the data folder."),
@@ -41,7 +41,9 @@ def serve(
     ] = False,
     install_unit: Annotated[
         Path | None,
-        typer.Option("--install-unit", metavar="DIR", help="Do not serve: write systemd units for these options."),
+        typer.Option(
+            "--install-unit", metavar="DIR", help="Write systemd units for these options into DIR, and do not serve."
+        ),
     ] = None,
 ) -> None:
     """Serve the station: the operator's page and the REST interface. Runs go on without it."""

@@ -178,13 +178,13 @@ def _write(folder: Path, units: dict[str, str]) -> None:
 def _plain(path: str) -> str:
     """Return a path that a unit can name without quotes."""
     if any(sign.isspace() or sign in "\"'\\%$" for sign in path):
-        raise StationError(f"{path}: holds blanks, quotes, % or $. Choose a folder without these characters")
+        raise StationError(f"{path}: contains spaces, quotes, % or $. Choose a folder without these characters")
     return path
 
 
 def _quoted(word: str) -> str:
     """Return a word of a command line of a unit: systemd expands % and $, and divides at blanks."""
     if "\n" in word:
-        raise StationError(f"{word!r}: holds a line break. Remove it: a systemd unit cannot contain one")
+        raise StationError(f"{word!r}: contains a line break. Remove it: a systemd unit cannot contain one")
     escaped = word.replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     return f'"{escaped}"' if escaped != word or any(sign.isspace() for sign in word) or not word else word

@@ -128,7 +128,7 @@ def content_of(path: Path, option: str) -> bytes:
             content = file.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise StationError(f"{option} {path}: cannot be read: {why}. Name a file that can") from error
+        raise StationError(f"{option} {path}: cannot be read: {why}. Name a readable file") from error
     if len(content) > LARGEST_FILE:
         raise StationError(f"{option} {path}: found more than {LARGEST_FILE >> 20} MiB; name a smaller file")
     return content

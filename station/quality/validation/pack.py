@@ -46,11 +46,11 @@ PAGE, DOCUMENT, FILES, SIGNATURE = "validation.html", "validation.json", "files.
 ATTACHMENTS = "evidence"
 
 PAGES = {
-    "coverage.md": "Does the stated uncertainty hold? Units of which the truth is known",
-    "model-check.md": "Every state that the controller can reach, held against its safety rules",
+    "coverage.md": "Is the stated uncertainty large enough? Simulated units with known true values",
+    "model-check.md": "Every state that the controller can reach, checked against its safety rules",
     "fault-matrix.md": "Every fault in every state: the reaction that was measured",
-    "exits.md": "How soon the torque is zero on every way in which a run can end",
-    "safety.md": "What protects, what proves it, what happens without it",
+    "exits.md": "Time to zero torque for every way in which a run can end",
+    "safety.md": "Protections, their proof, and what happens without them",
 }
 """Pages of the documentation that are evidence of the software's maker, where the sources are there."""
 
@@ -116,7 +116,7 @@ def write_pack(pack: ValidationPack, files: Iterable[Attachment], folder: Path) 
 
     """
     if folder.exists() and any(folder.iterdir()):
-        raise StationError(f"--out {folder}: has files already. A pack is never written over; name a new folder")
+        raise StationError(f"--out {folder}: has files already. A pack is never overwritten; name a new folder")
     document = json.dumps(plain(pack), ensure_ascii=False, indent=1).encode() + b"\n"
     content = {f"{ATTACHMENTS}/{one.name}": one.content for one in files}
     content |= {DOCUMENT: document, PAGE: _page(pack)}

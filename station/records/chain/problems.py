@@ -24,7 +24,8 @@ PROBLEMS: dict[str, str] = {
     "altered": "A file of the run was changed. Restore the run from a backup; an altered run gives no verdict",
     "damaged": "A file of the run is damaged. Restore the run from a backup",
     "trace": "Restore the folder traces from a backup",
-    "attempt": "Two attempts have one number, or one is missing. Look at the runs of this serial number",
+    "attempt": "Two attempts of a unit have the same number, or one is missing. "
+    "Compare the runs of this serial number with a backup",
     "recipes": "Restore recipes.jsonl and the folder recipes from a backup",
 }
 """Kinds of problem and what to do about them."""

@@ -15,12 +15,13 @@ import numpy as np
 
 from definitions.faults import FAULT_BY_NUMBER, Fault
 from definitions.image import Command, Reaction, State
-from drivers.servo_drive.emcy import explain_emcy
+from drivers.servo_drive.emcy import drive_said
 from station.documents.events import Alarm, AlarmValues, EventRow, Note
 from station.records.samples.table import Table
 from station.records.samples.zeroes import from_zero
 
-DRIVE_ALARMS = frozenset({"drive_fault", "drive_emergency", "drive_dropped_out"})
+EMCY_LOOK_SCANS = 100
+"""A drive sends its emergency message before or after the state that goes with it: so far it is looked for."""
 
 
 def name_of(kind: type[IntEnum], number: int) -> str:
@@ -100,8 +101,9 @@ def _alarm(table: Table, index: int, number: int, period_ns: int, *, first: bool
     fault = FAULT_BY_NUMBER.get(number) or _unknown(number)
     reaction = fault.reaction or int(orders["reaction"])
     was = table["orders"]["state"][max(index - 1, 0)]
-    scan, code = int(table["scan"][index]), int(image["drive_emcy_code"])
-    told = explain_emcy(code) if fault.id in DRIVE_ALARMS and code else None
+    scan = int(table["scan"][index])
+    codes = table["image"]["drive_emcy_code"][index : index + EMCY_LOOK_SCANS]
+    code = int(codes[codes != 0][0]) if codes.any() else 0
     return Alarm(
         scan=scan,
         state=state_name(was),
@@ -116,7 +118,7 @@ def _alarm(table: Table, index: int, number: int, period_ns: int, *, first: bool
             reference_torque_nm=_rounded(orders["reference_torque_nm"], 3),
             brake_current_a=_rounded(image["brake_current_a"], 3),
         ),
-        detail=None if told is None else f"emergency code 0x{code:04X}: {told.cause}; {told.next_action}",
+        detail=drive_said(fault.id, code) or None,
         first=first,
         t_s=_time_s(scan, period_ns),
     )

@@ -26,7 +26,7 @@ LAYOUT = "samples.json"
 
 FORMATS: dict[int, str] = {
     1: "fixed-size records, little-endian, a CRC-32 at the end of each; the description has no entry 'format'",
-    2: "the same; the meaning of a channel's numbers is in its entries 'values' and 'bits'",
+    2: "as the format before; the entries 'values' and 'bits' give the meaning of a channel's numbers",
 }
 """Formats of samples.json that this code reads; it writes the last one."""
 

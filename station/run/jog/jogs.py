@@ -7,7 +7,7 @@ is run, and nothing is judged.
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -95,6 +95,28 @@ def program_of(jog: RunRecord) -> Program:
         return exact(Program, json.loads(path.read_bytes()), unlimited=True)
     except (OSError, ValueError, TypeError) as error:
         raise StationError(f"{path}: cannot be read: {error}") from error
+
+
+def stored_jog(jog: RunRecord, job: Job) -> JogJob:
+    """Return a recorded jog as it was, of recipe and bench in its record; StationError where it cannot be read."""
+    recorded = program_of(jog).jog
+    if recorded is None:
+        raise StationError(f"{jog.folder / PROGRAM}: is not the program of a jog. Name another record")
+    whole = jog_job(job, 1.0)
+    return replace(whole, speed_rad_s=recorded.speed_rad_s)
+
+
+def find_record(data: Path, name: str) -> tuple[RunRecord, bool]:
+    """Return a run as `Store.find` does, or the jog of that id, and whether it is a jog.
+
+    Raises:
+        StationError: there is neither.
+
+    """
+    below = jogs(data)
+    found = below.by_id(name) if name.strip() else None
+    run = Store(data).find(name) if found is None else found
+    return run, run.folder.resolve().parent.name == FOLDER and run.has(PROGRAM) and program_of(run).jog is not None
 
 
 def why_no_jog(data: Path, job: Job) -> str:

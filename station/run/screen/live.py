@@ -10,6 +10,7 @@ from definitions.image import Image, Orders, Reaction, State
 from definitions.program import Program
 from definitions.states import row_of
 from definitions.units import ARCMIN_PER_RAD
+from drivers.servo_drive.emcy import drive_said
 from station.records.samples.scan_record import unpack
 
 TOWARDS = (State.RAMP_POS, State.RAMP_NEG)
@@ -66,7 +67,7 @@ class LiveReader:
             fraction=fraction,
             left_s=left_scans * self._program.period_s,
             time_s=scan * self._program.period_s,
-            alarms=alarm_texts(orders.alarms & ~NOTE_BITS),
+            alarms=alarm_texts(orders.alarms & ~NOTE_BITS, image.drive_emcy_code),
             notes=alarm_texts(orders.alarms & NOTE_BITS),
         )
 
@@ -100,8 +101,9 @@ class LiveReader:
         return min(done / max(total, 1), 1.0), max(total - done, 0)
 
 
-def alarm_texts(alarms: int) -> tuple[str, ...]:
-    """Return the active and latched alarms in plain words, each with what to do."""
+def alarm_texts(alarms: int, emcy_code: int = 0) -> tuple[str, ...]:
+    """Return the active and latched alarms in plain words, each with what to do; emcy_code: what the drive says."""
     numbers = [number for number in range(alarms.bit_length()) if alarms >> number & 1]
     faults = [FAULT_BY_NUMBER[number] for number in numbers]
-    return tuple(f"{fault.text}. {fault.next_action}." for fault in faults)
+    said = [(fault, drive_said(fault.id, emcy_code)) for fault in faults]
+    return tuple(f"{fault.text}{more and f' ({more})'}. {fault.next_action}." for fault, more in said)

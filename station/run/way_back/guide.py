@@ -16,7 +16,7 @@ from definitions.faults import FAULT_BY_NUMBER, FAULTS
 from definitions.image import Command, DriveState, Image, Orders, Reaction, State
 from definitions.program import Program
 from definitions.states import row_of
-from drivers.servo_drive.emcy import explain_emcy
+from drivers.servo_drive.emcy import emcy_sentence
 from station.records.ring.reader import RingReader
 from station.records.samples.scan_record import unpack
 
@@ -121,8 +121,7 @@ def situation(image: Image, orders: Orders, program: Program) -> list[str]:
         f"Guard                 {'closed' if image.guard_closed else 'OPEN'}",
     ]
     if image.drive_emcy_code:
-        told = explain_emcy(image.drive_emcy_code)
-        lines.append(f"Drive's emergency     0x{image.drive_emcy_code:04X}: {told.cause}; {told.next_action}")
+        lines.append(f"Servo drive says      {emcy_sentence(image.drive_emcy_code)}")
     first = FAULT_BY_NUMBER[orders.fault]
     lines += [f"Fault: {first.text}. {first.cause}.", f"  Check: {first.next_action}."]
     others = [f for f in FAULTS if orders.alarms >> f.number & 1 and f != first and f.reaction >= Reaction.UNLOAD]

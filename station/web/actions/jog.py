@@ -9,7 +9,7 @@ from station.web.actions.row import Call, NotNowError
 from station.web.actions.values import DevicePressed, JogBegun, KeyHeld, KeyReleased, NewJog, Nothing, Outcome
 from station.web.permission import recipe_file
 
-NO_JOG = "This page has begun no jog. Begin one first."
+NO_JOG = "No jog was started on this page. Start one first."
 
 
 def begin_jog(call: Call, given: NewJog) -> JogBegun:

@@ -6,6 +6,7 @@ from sqlalchemy import Connection, insert, select
 
 from station.records.data_folder import Store
 from station.wall_clock import now_text
+from station.web.actions.labels import awaited_label
 from station.web.actions.row import Call, NotNowError
 from station.web.actions.values import (
     Announced,
@@ -57,7 +58,7 @@ def _situation(call: Call, given: Start) -> Situation:
     return situation_of(
         station.data, station.models, Wanted(serial, given.retest_reason), busy=station.running.busy(),
         confirmed=_confirmed(call.connection), previous_step=step,
-        scanner_tested=is_tested(call.connection, station.settings.scanner_test),
+        scanner_tested=is_tested(call.connection, station.settings.scanner_test), label=awaited_label(call),
     )  # fmt: skip
 
 

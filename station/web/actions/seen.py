@@ -29,6 +29,7 @@ from station.web.actions.values import (
     Values,
 )
 from station.web.bypasses import bypasses_now
+from station.web.labels.outbox import awaited
 from station.web.people.accounts import chosen_language, session_of
 from station.web.people.database import BADGES, CONFIRMED, MES_UNITS, PEOPLE, SCANNER_TESTS
 from station.web.recipe_text.check import encoded
@@ -78,6 +79,13 @@ def put_away(call: Call, given: Confirm) -> Plain:
     """Whether somebody has put the unit of a run away."""
     kept = select(CONFIRMED.c.name).where(CONFIRMED.c.run == given.run)
     return {"put_away_by": call.connection.execute(kept).scalar()}
+
+
+def label(call: Call, _given: Values) -> Plain:
+    """Which label is awaited, and how far it is."""
+    labels = call.station.labels
+    found = None if labels is None else awaited(call.connection, labels)
+    return {} if found is None else {"run": found.run, "serial": found.serial, "stage": found.stage}
 
 
 def scanner_test(call: Call, _given: Values) -> Plain:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from station.web.actions import bench, jog, people, recipes, runs, seen
+from station.web.actions import bench, jog, labels, people, recipes, runs, seen
 from station.web.actions.row import Action
 from station.web.actions.values import (
     AccountAdded,
@@ -19,6 +19,8 @@ from station.web.actions.values import (
     JogBegun,
     KeyHeld,
     KeyReleased,
+    LabelOfRun,
+    LabelTold,
     Named,
     NewBadge,
     NewBypass,
@@ -26,6 +28,7 @@ from station.web.actions.values import (
     NewPassword,
     NewPerson,
     NewPin,
+    NoLabel,
     Nothing,
     Outcome,
     Permission,
@@ -65,6 +68,12 @@ ACTIONS: dict[str, Action] = {
                seen.bench, reaches_out=True),
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, runs.confirm,
                RunConfirmed, seen.put_away, ("run",)),
+        Action("read_label", "note that the label of the last unit was read on the unit", AT_THE_BENCH, Scanned,
+               labels.read_label, LabelTold, seen.label, ("scanned",), tells=("run", "serial")),
+        Action("print_label", "print the label of a run once more", AT_THE_BENCH, LabelOfRun, labels.print_label,
+               LabelTold, seen.label, ("run",), tells=("copy_number",)),
+        Action("set_label_aside", "let a unit go without a label that was read", IN_CHARGE, NoLabel,
+               labels.set_label_aside, LabelTold, seen.label, ("run", "reason")),
         Action("begin_recovery", "begin the recovery after a fault: read the devices, enable nothing", IN_CHARGE,
                Nothing, bench.begin_recovery, RecoveryBegun, seen.recovery, tells=("run", "cause"), reaches_out=True),
         Action("acknowledge_fault", "acknowledge the fault: bring the torque to zero and open the lock", IN_CHARGE,
@@ -73,11 +82,11 @@ ACTIONS: dict[str, Action] = {
                bench.leave_recovery, RecoveryTold, seen.recovery, ("recovery",), reaches_out=True),
         Action("begin_jog", "begin a jog: open the bench, drive off", IN_CHARGE, NewJog, jog.begin_jog, JogBegun,
                seen.jog, ("model", "speed"), tells=("bench",), reaches_out=True),
-        Action("hold_jog", "hold the key of a direction: with the enabling device pressed the shaft turns", IN_CHARGE,
+        Action("hold_jog", "hold a direction key: the shaft turns while the enabling device is pressed", IN_CHARGE,
                KeyHeld, jog.hold_jog, Outcome, seen.jog, ("direction",)),
-        Action("release_jog", "let go of the key of a jog: the shaft stops", IN_CHARGE, KeyReleased, jog.release_jog,
-               Outcome, seen.jog, ("why",)),
-        Action("press_device", "press the enabling device of the virtual bench, or let go", IN_CHARGE, DevicePressed,
+        Action("release_jog", "release the direction key of a jog: the shaft stops", IN_CHARGE, KeyReleased,
+               jog.release_jog, Outcome, seen.jog, ("why",)),
+        Action("press_device", "press or release the enabling device of the virtual bench", IN_CHARGE, DevicePressed,
                jog.press_device, Outcome, seen.jog, ("down",), reaches_out=True),
         Action("end_jog", "end the jog: stop, drive off", EVERYBODY, Nothing, jog.end_jog, Outcome, seen.jog,
                reaches_out=True),

@@ -42,6 +42,18 @@ class Confirm(Values):
     run: str = Field(max_length=200)
 
 
+class LabelOfRun(Values):
+    """The run whose label is meant."""
+
+    run: str = Field(max_length=200)
+
+
+class NoLabel(LabelOfRun):
+    """Why a unit goes without a label that was read."""
+
+    reason: str = Field(min_length=3, max_length=200)
+
+
 class Announced(Values):
     """A unit that comes to the bench, and what became of it in the process step before."""
 
@@ -226,6 +238,14 @@ class RunConfirmed(Outcome):
     """The run whose bad unit was put away."""
 
     run: str
+
+
+class LabelTold(Outcome):
+    """The run whose label was read, is printed again or is not asked for any more."""
+
+    run: str
+    serial: str = ""
+    copy_number: int = 0
 
 
 class RecoveryBegun(Outcome):

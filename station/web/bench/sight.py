@@ -39,7 +39,7 @@ from definitions.image import (
 from definitions.program import Program
 from definitions.states import row_of
 from definitions.units import ANGLE, ARCMIN_PER_RAD, SPEED, TRAVEL, Kind
-from drivers.servo_drive.emcy import explain_emcy
+from drivers.servo_drive.emcy import drive_said
 from station.records.samples.scan_record import unpack
 
 NEAR = 0.8
@@ -366,7 +366,5 @@ def _alarms(image: Image, orders: Orders) -> tuple[AlarmRow, ...]:
 
 
 def _detail(fault: Fault, image: Image) -> str:
-    if fault.id not in ("drive_emergency", "drive_fault") or not image.drive_emcy_code:
-        return ""
-    told = explain_emcy(image.drive_emcy_code)
-    return f"Emergency code 0x{image.drive_emcy_code:04X} ({told.cause}): {told.next_action}"
+    said = drive_said(fault.id, image.drive_emcy_code)
+    return said[:1].upper() + said[1:]

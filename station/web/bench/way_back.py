@@ -166,6 +166,8 @@ def _fault(run: RunRecord, manifest: Manifest) -> Fault:
     result = run.read(Result, RESULT) if run.has(RESULT) else None
     first = None if result is None else result.first_cause
     cause = "" if first is None else f"{first.text}. {first.next_action}."
+    if first is not None and first.detail:
+        cause += f" Servo drive: {first.detail}."
     return Fault(run.id, manifest.bench.name, run.state(), None if result is None else result.left, cause)
 
 
@@ -184,7 +186,7 @@ def steps(standing: Standing, sight: Sight | None) -> tuple[StepRow, ...]:
         StepRow("Begin. The devices are read; the drive stays off and the lock stays as it is.",
                 DONE if begun or over else IN_HAND),
         StepRow("Make the bench safe, and remove the cause.", checked, seen),
-        StepRow("Say that all is checked. Keep clear: the shaft turns.",
+        StepRow("Confirm that all is checked. Keep clear: the shaft turns.",
                 DONE if acknowledged else IN_HAND if begun and sight is not None and sight.settled else TO_COME),
         StepRow("The torque is brought to zero behind the closed lock.",
                 DONE if unloaded else IN_HAND if loaded else TO_COME),

@@ -31,6 +31,7 @@ PAGES = {
     "maintenance": "/maintenance",
     "jog": "/jog",
     "certificates": "/certificates",
+    "people": "/people",
 }
 """The pages by their names in the bar."""
 
@@ -77,9 +78,14 @@ async def session_of_page(station: Station, request: Request) -> Session | None:
 async def still_open(station: Station, session: Session) -> bool:
     """Say whether the session of an open page has not ended; where it has, the page is left, and shows nothing more."""
     if await _may_see(station, session.token) is None:
-        ui.navigate.to("/enter")
+        leave_page()
         return False
     return True
+
+
+def leave_page() -> None:
+    """Have the browser go to the page for logging in, once: each timer of a page asks for it until the page is gone."""
+    ui.run_javascript("window.leavesPage || (window.leavesPage = true, location.assign('/enter'))")
 
 
 async def _may_see(station: Station, token: str | None) -> Session | None:

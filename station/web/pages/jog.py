@@ -20,11 +20,22 @@ from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER
 from definitions.image import State
 from definitions.jog import PHASE_ROWS, TOKEN_EVERY_S, JogPhase
+from drivers.servo_drive.emcy import drive_said
 from station.records.samples.scan_record import unpack
 from station.run.screen.progress import signed
 from station.web.actions.table import ACTIONS
 from station.web.bench.jogging import SIGNS, Jogged
-from station.web.pages.frame import HERE, LONGEST_BUILD_S, SESSION_EVERY_S, act, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    HERE,
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    act,
+    bar,
+    session_of_page,
+    still_open,
+    words_for,
+)
 from station.web.people.accounts import Session
 from station.web.running import STARTING
 from station.web.station import Station
@@ -43,7 +54,20 @@ TOLD: tuple[str, ...] = (
 )
 """What to do, in plain words."""
 
+SHARES = {1.0: "full jog speed", 0.5: "half", 0.2: "a fifth"}
+"""Shares of the largest speed of a jog that can be chosen."""
+
+MAY_JOG = "A technician, an engineer or an admin may jog. Everybody may end a jog."
 WORDS = {"PRESS": "Press the virtual enabling device", "LET_GO": "Let go of the virtual enabling device"}
+
+
+class Alarm(NamedTuple):
+    """One fault that came up in a jog: its number, what happened, what to do, and what the drive says of it."""
+
+    number: int
+    text: str
+    next_action: str
+    drive_said: str = ""
 
 
 class Shown(NamedTuple):
@@ -58,7 +82,7 @@ class Shown(NamedTuple):
     torque: str = "–"
     speed: str = "–"
     most: str = ""
-    alarms: tuple[str, ...] = ()
+    alarms: tuple[Alarm, ...] = ()
 
 
 NO_JOG = Shown("No jog", "Begin a jog: the devices are opened, and the drive stays off")
@@ -72,15 +96,15 @@ def add_jog(station: Station) -> None:
     async def page(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        _Page(station, session).build()
+        _Page(station, session, words_for(station, session, request)).build()
         return None
 
 
 class _Page:
     """One open page. It asks its browser for the key again and again, and keeps nothing else."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
         self._shown = ""
         self._asked_ns: OrderedDict[int, int] = OrderedDict()
         self._question = 0
@@ -89,8 +113,9 @@ class _Page:
 
     def build(self) -> None:
         """Lay the page out."""
+        say = self._words
         ui.add_body_html(f"<script>{(HERE / 'jog.js').read_text(encoding='utf-8')}</script>")
-        bar(self._station, self._session, "jog")
+        bar(self._station, self._session, "jog", say)
         may = self._session.person.role in ACTIONS["hold_jog"].roles
         with ui.element("main").classes("lm-page lm-jog"):
             self._state = ui.html(sanitize=False).props('role="status" aria-live="polite"')
@@ -100,18 +125,18 @@ class _Page:
                 self._keys = [self._key(direction) for direction in KEYS]
             with ui.element("section").classes("lm-card lm-begin"):
                 models = [one.model for one in self._station.models.models]
-                self._model = ui.select(models, value=models[0], label="Unit on the bench").props("outlined dense")
-                shares = {1.0: "full jog speed", 0.5: "half", 0.2: "a fifth"}
-                self._speed = ui.select(shares, value=1.0, label="Speed").props("outlined dense")
-                self._begin = self._button("Begin a jog", self._do_begin)
-                self._device = self._button(WORDS["PRESS"], self._do_press)
-                self._end = self._button("End the jog", lambda: self._do("end_jog", {}))
+                self._model = ui.select(models, value=models[0], label=say("Unit on the bench")).props("outlined dense")
+                shares = {share: say(text) for share, text in SHARES.items()}
+                self._speed = ui.select(shares, value=1.0, label=say("Speed")).props("outlined dense")
+                self._begin = self._button(say("Begin a jog"), self._do_begin)
+                self._device = self._button(say(WORDS["PRESS"]), self._do_press)
+                self._end = self._button(say("End the jog"), lambda: self._do("end_jog", {}))
             with ui.element("ol").classes("lm-card lm-told"):
                 for text in TOLD:
                     with ui.element("li"):
-                        ui.label(text)
+                        ui.label(say(text))
             if not may:
-                ui.label("A technician, an engineer or an admin may jog. Everybody may end a jog.").classes("lm-card")
+                ui.label(say(MAY_JOG)).classes("lm-card")
         self._may = may
         ui.on("jog_token", self._answered)
         ui.timer(TOKEN_EVERY_S, self._ask)
@@ -124,11 +149,10 @@ class _Page:
         button.set_visibility(False)
         return button
 
-    @staticmethod
-    def _key(direction: int) -> ui.element:
+    def _key(self, direction: int) -> ui.element:
         key = ui.element("button").classes("lm-key").props(f'type="button" data-jog="{direction}" disabled')
         with key:
-            ui.label(KEYS[direction])
+            ui.label(self._words(KEYS[direction]))
         return key
 
     def _ask(self) -> None:
@@ -161,11 +185,11 @@ class _Page:
         self._speed.set_visibility(self._may and not standing.on)
         self._end.set_visibility(standing.on)
         self._device.set_visibility(self._mine and standing.embedded)
-        self._device.set_text(WORDS["LET_GO" if self._pressed else "PRESS"])
+        self._device.set_text(self._words(WORDS["LET_GO" if self._pressed else "PRESS"]))
         may_hold = self._mine and standing.program is not None
         for key in self._keys:
             key.props(remove="disabled") if may_hold else key.props("disabled")
-        html = str(_part()(shown, standing.said))
+        html = str(_part()(shown, standing.said, self._words))
         if html != self._shown:
             self._shown = html
             self._state.set_content(html)
@@ -178,7 +202,7 @@ class _Page:
 
     async def _do(self, action: str, values: JsonValue) -> None:
         answer = await act(self._station, self._session, action, values)
-        self._refused.set_text(" ".join(one.text for one in answer.refused))
+        self._refused.set_text(" ".join(self._words(one.text) for one in answer.refused))
         self._refused.set_visibility(bool(answer.refused))
 
 
@@ -206,7 +230,9 @@ def shown_of(standing: Jogged) -> Shown:
         torque="not known" if torque_nm is None else f"{signed(torque_nm, 1)} N·m",
         speed=f"{signed(image.drive_velocity_rad_s * RPM_PER_RAD_S, 2)} rpm",
         most=f"at most {program.jog.speed_rad_s * RPM_PER_RAD_S:.3g} rpm",
-        alarms=tuple(f"{one.number} {one.text}. {one.next_action}." for one in faults),
+        alarms=tuple(
+            Alarm(one.number, one.text, one.next_action, drive_said(one.id, image.drive_emcy_code)) for one in faults
+        ),
     )
 
 

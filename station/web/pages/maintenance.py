@@ -49,7 +49,7 @@ BUTTONS = {
 }
 """The actions of the recovery, as the page offers them."""
 
-NOBODY_SAW = "Nobody saw what the bench did after that: treat the unit as wound up."
+NOBODY_SAW = "What the bench did after that is not recorded. Treat the unit as wound up: keep clear of its shafts."
 
 
 def add_maintenance(station: Station) -> None:
@@ -148,7 +148,7 @@ class _Maintenance:
         if fault is None:
             text = standing.why_none
         else:
-            left = NOBODY_SAW if fault.left is None else f"It {fault.left.text}: {fault.left.next_action}."
+            left = NOBODY_SAW if fault.left is None else f"It was {fault.left.text}. Next: {fault.left.next_action}."
             text = f"Run {fault.run} on bench {fault.bench} ended: {fault.state}. {fault.cause} {left}"
             text = f"Recovered. {text}" if standing.released else text
             text += f" The last try did not release the unit: {standing.said}" if standing.said else ""

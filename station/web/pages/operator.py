@@ -8,7 +8,7 @@ import re
 import secrets
 import time
 from html import escape
-from typing import Any
+from typing import Any, NamedTuple
 
 from fastapi import Request, Response
 from fastapi.responses import HTMLResponse, RedirectResponse
@@ -22,10 +22,11 @@ from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
 from station.web.actions.row import BAD_INPUT, OK, Answer
 from station.web.actions.runs import unconfirmed_run
-from station.web.actions.values import refusal
+from station.web.actions.values import LabelTold, refusal
 from station.web.bypasses import Bypass, bypasses_now
+from station.web.labels.outbox import Awaited, awaited, is_label
 from station.web.languages import LANGUAGES, Words, messages
-from station.web.pages.frame import HERE, act, bar, session_of_page, words_for
+from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
 from station.web.people.accounts import Session, session_of
@@ -43,6 +44,9 @@ SAME_SCAN_S = 2.0
 CAPS_LOCK_ON = "Caps Lock is on: it changes what the scanner sends. Switch it off, then scan the unit again."
 SCANNER_TESTED = "The scanner works. Scan the unit."
 PUT_AWAY = "The bad unit is in the NOK box"
+LABEL_READ = "The label of unit {serial} is on it. Scan the next unit."
+LABEL_FIRST = "Put the label on the unit and scan it."
+PRINT_AGAIN = "Print the label again"
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
 
 
@@ -73,10 +77,26 @@ def enter_page(say: Words) -> str:
     return said
 
 
-def _seen(station: Station, token: str) -> tuple[Session | None, tuple[Bypass, ...]]:
-    """Return whose page it is, and which start conditions do not count now."""
+class _Seen(NamedTuple):
+    """Whose page it is, which start conditions do not count now, and which label is awaited."""
+
+    session: Session | None
+    bypasses: tuple[Bypass, ...]
+    label: Awaited | None
+
+
+def _seen(station: Station, token: str) -> _Seen:
     with station.database.reading() as connection:
-        return session_of(connection, token), bypasses_now(connection)
+        label = None if station.labels is None else awaited(connection, station.labels)
+        return _Seen(session_of(connection, token), bypasses_now(connection), label)
+
+
+def _is_label(station: Station, text: str) -> bool:
+    """Say whether what was scanned is a label that this station has printed."""
+    if station.labels is None:
+        return False
+    with station.database.reading() as connection:
+        return is_label(connection, text.strip())
 
 
 class _Page:
@@ -88,6 +108,7 @@ class _Page:
         self._points = -1
         self._scan = ("", 0.0, "")
         self._session_seen = 0.0
+        self._awaited = False
 
     def build(self) -> None:
         """Lay the page out."""
@@ -100,6 +121,8 @@ class _Page:
                 self._refused.set_visibility(False)
                 self._bypasses = ui.label().classes("lm-bypasses")
                 self._bypasses.set_visibility(False)
+                self._label = ui.label().classes("lm-bypasses").props('role="status"')
+                self._label.set_visibility(False)
                 self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
             with ui.element("section").classes("lm-right"):
                 self._figures = ui.html(sanitize=False).classes("lm-figures")
@@ -111,19 +134,22 @@ class _Page:
 
     async def _look(self) -> None:
         if time.monotonic() - self._session_seen > SESSION_EVERY_S:
-            session, bypasses = await asyncio.to_thread(_seen, self._station, self._session.token)
+            session, bypasses, label = await asyncio.to_thread(_seen, self._station, self._session.token)
             if session is None:
-                ui.navigate.to("/enter")  # nobody sees the bench after the end of a session
+                leave_page()  # nobody sees the bench after the end of a session
                 return
             self._bypasses.set_text(" ".join(self._words(str(one)) for one in bypasses))
             self._bypasses.set_visibility(bool(bypasses))
+            self._awaited = label is not None
+            self._label.set_text("" if label is None else self._words(str(label)))
+            self._label.set_visibility(label is not None)
             self._session_seen = time.monotonic()
         now = await asyncio.to_thread(self._station.running.now)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
         self._show_loop(now)
         view = now.view
         left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)
-        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state)
+        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited)
         if view is not None and now.stage == IS_RUNNING:
             torque, windup = signed(view.torque_nm, 1), signed(view.windup_arcmin, 3)
             figures = (("torque", f"{torque} N·m"), ("wind-up", f"{windup} ′"), ("time left", left))
@@ -139,6 +165,9 @@ class _Page:
         self._shown = what
         shown = _shown(now)
         self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
+        to_do = shown.to_do
+        if shown in VERDICTS.values():
+            to_do = LABEL_FIRST if self._awaited else now.to_do or shown.to_do
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         about = "  ".join(
             part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part
@@ -146,7 +175,7 @@ class _Page:
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
-            f'<div class="lm-do">{escape(self._words(state or shown.to_do))}</div>'
+            f'<div class="lm-do">{escape(self._words(state or to_do))}</div>'
         )
         self._why.set_content(_why(now, self._words))
 
@@ -167,13 +196,17 @@ class _Page:
             answer = await self._perform("test_scanner", {"scanned": text}, secrets.token_hex(16))
             self._say(answer, text)
             if answer.status == OK:
-                self._scan = ("", time.monotonic(), "")
-                with self._refused:
-                    ui.label(self._words(SCANNER_TESTED))
-                self._refused.set_visibility(True)
+                self._tell(SCANNER_TESTED)
             return
         if event.args.get("caps"):
             self._say(Answer(BAD_INPUT, refusal("scan", CAPS_LOCK_ON)), text)
+            return
+        if await asyncio.to_thread(_is_label, self._station, text):
+            answer = await self._perform("read_label", {"scanned": text}, secrets.token_hex(16))
+            self._say(answer, text)
+            self._session_seen = 0.0  # what stood there of the label is over
+            if isinstance(answer.said, LabelTold):
+                self._tell(LABEL_READ, serial=answer.said.serial)
             return
         before, at, key = self._scan
         if text != before or time.monotonic() - at > SAME_SCAN_S:
@@ -205,11 +238,25 @@ class _Page:
                 ui.label(self._words(one.text))
             if "bad_unit_put_away" in names:
                 ui.button(self._words(PUT_AWAY), on_click=lambda: self._put_away(scanned)).classes("lm-button")
+            elif "label_read" in names:
+                ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned)).classes("lm-button")
             elif "retest_reason" in names:
                 for reason in RETEST_REASONS:
                     ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why)).classes(
                         "lm-button"
                     )
+
+    def _tell(self, text: str, **values: object) -> None:
+        """Show what a scan that starts no run has done."""
+        self._scan = ("", time.monotonic(), "")
+        with self._refused:
+            ui.label(self._words(text, **values))
+        self._refused.set_visibility(True)
+
+    async def _print_again(self, scanned: str) -> None:
+        seen = await asyncio.to_thread(_seen, self._station, self._session.token)
+        if seen.label is not None:
+            self._say(await self._perform("print_label", {"run": seen.label.run}, secrets.token_hex(16)), scanned)
 
     async def _put_away(self, scanned: str) -> None:
         bad = await asyncio.to_thread(unconfirmed_run, self._station)

@@ -6,13 +6,14 @@ import asyncio
 from datetime import date
 from html import escape
 from typing import TypedDict
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
 from nicegui import ui
 
 from station.errors import StationError
+from station.results.export import LOCALES
 from station.store.run_search import Page, search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.languages import Words
@@ -101,6 +102,7 @@ class _Results:
                 self._newer = ui.button(say("Newer"), on_click=lambda: self._turn(-ROWS)).props("outline no-caps")
                 self._said = ui.label().props('role="status" aria-live="polite"')
                 self._older = ui.button(say("Older"), on_click=lambda: self._turn(ROWS)).props("outline no-caps")
+                self._csv = ui.link(say("These runs with their metrics, as CSV"), "/api/runs.csv")
             options = {
                 "columnDefs": [one | {"headerName": say(one["headerName"])} for one in COLUMNS],
                 "rowData": [],
@@ -134,6 +136,7 @@ class _Results:
     async def _look(self) -> None:
         if not await still_open(self._station, self._session):
             return
+        self._csv.props(f'href="{self._address_of_csv()}"')
         wanted = Wanted(
             begins=(self._serial.value or "").strip() or None,
             model=self._model.value or None,
@@ -153,6 +156,16 @@ class _Results:
             return
         if number == self._searches:  # else something else is looked for by now
             self._show(page)
+
+    def _address_of_csv(self) -> str:
+        """Return where the runs that are looked for are one table."""
+        asked = {
+            "serial": (self._serial.value or "").strip(), "model": self._model.value, "recipe": self._recipe.value,
+            "verdict": self._verdict.value, "operator": (self._operator.value or "").strip(),
+            "since": _day(self._since.value), "until": _day(self._until.value),
+            "locale": self._words.language if self._words.language in LOCALES else "",
+        }  # fmt: skip
+        return f"/api/runs.csv?{urlencode({name: value for name, value in asked.items() if value})}"
 
     def _show(self, page: Page) -> None:
         self._recipe.set_options({"": self._words("any")} | {name: name for name in page.recipes})

@@ -28,7 +28,7 @@ FIRST = "0" * 64
 DONE, REFUSED, CUT_OFF = "done", "refused", "cut off"
 """What became of an action. The last: its process ended in it, so it may have been done or not."""
 
-NOBODY_KNOWS = "The program ended before the end of this action was written. Look whether it was done."
+NOBODY_KNOWS = "The program ended during this action. Check whether the action was done."
 HASHED = ("number", "at", "name", "action", "outcome", "detail", "before_sha256")
 
 

@@ -1,4 +1,4 @@
-"""The station's own database: accounts, sessions, answered requests, confirmations, audit.
+"""The station's own database: accounts, sessions, answered requests, confirmations, labels, audit.
 
 None of it can be made again from the runs, so it is no part of the store. It stands beside the runs, for its owner
 alone, and one server at a time holds it.
@@ -168,6 +168,32 @@ WEBHOOKS_READ = Table(
     "webhooks_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
 )
 """One row: up to which byte the chain of runs was put into the outbox."""
+
+LABELS = Table(
+    "labels", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("run", String(200), nullable=False, unique=True),
+    Column("serial", String(200), nullable=False),
+    Column("label", Text, nullable=False),
+    Column("reads_as", Text, nullable=False, index=True),
+    Column("copy", Integer, nullable=False),
+    Column("next_s", Float, nullable=False),
+    Column("trouble", Text, nullable=False),
+    Column("sent_at", String(40)),
+    Column("printed_at", String(40)),
+    Column("done_at", String(40), index=True),
+    Column("done_by", String(64), nullable=False),
+    Column("why", Text, nullable=False),
+)  # fmt: skip
+"""Labels in the order in which their runs were sealed, and how far each came: sent, printed, read back or set aside.
+
+One that was sent and is not printed may be either: nobody knows it, and it is not sent again by itself.
+"""
+
+LABELS_READ = Table(
+    "labels_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
+)
+"""One row: up to which byte the chain of runs was looked at for labels."""
 
 
 STEPS = ("DROP TABLE IF EXISTS requests",)

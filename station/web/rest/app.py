@@ -24,6 +24,7 @@ from station.web.actions.table import ACTIONS
 from station.web.actions.values import Refused, refusal
 from station.web.bypasses import bypasses_now
 from station.web.guard import Keep
+from station.web.labels.outbox import awaited
 from station.web.mes.outbox import waiting
 from station.web.people import audit
 from station.web.people.accounts import (
@@ -39,7 +40,7 @@ from station.web.people.accounts import (
 from station.web.people.badges import PinNeededError, enter_by_badge
 from station.web.rest.answers import CookieToken, answers, not_entered, refused_with
 from station.web.rest.recipes import add_recipes
-from station.web.rest.runs import add_certificates, add_runs
+from station.web.rest.runs import add_certificates, add_run_table, add_runs
 from station.web.station import Station
 
 AUDIT_ROLES = frozenset({"admin", "quality"})
@@ -99,6 +100,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
         return None
 
     add_runs(app, station, refuse)
+    add_run_table(app, station, refuse)
     add_certificates(app, station, refuse)
     add_recipes(app, station, refuse)
     for row in ACTIONS.values():
@@ -161,6 +163,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
         with station.database.reading() as connection:
             bypasses = [str(one) for one in bypasses_now(connection)]
             left = None if station.mes is None else waiting(connection)
+            label = None if station.labels is None else awaited(connection, station.labels)
         return JSONResponse({
             "stage": found.stage, "serial": found.serial, "run": found.run, "attempt": found.attempt,
             "recipe": found.recipe, "refused": found.refused, "altered": list(found.altered),
@@ -171,6 +174,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "verdict": None if found.result is None else found.result.verdict,
             "reasons": [] if found.result is None else list(found.result.reasons),
             "bypasses": bypasses,
+            "label": None if label is None else label._asdict(),
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
         })  # fmt: skip
 

@@ -16,14 +16,21 @@ from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.reports.content import LOOP_CSV
 from station.reports.stored_result import refuse_doubtful
+from station.results.csv_cells import MARK
+from station.results.export import LOCALES
+from station.store.run_csv import csv_of
 from station.store.run_search import MOST_ROWS, search
+from station.store.run_table import run_table
 from station.store.stored_runs import Wanted
+from station.store.view import look_at
 from station.web.actions.row import BAD_INPUT, NOT_NOW
 from station.web.evaluations import Evaluations
 from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
 from station.web.station import Station
 
 LONGEST_TEXT = 100
+MOST_IN_TABLE = 20_000
+"""Runs in a table that the server makes beside its work; the command has no such limit."""
 
 NOTHING_FROM_ELSEWHERE = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; font-src data:; base-uri 'none'"
 """A report stands alone: what it shows is in it, and nothing in it is a script."""
@@ -82,6 +89,17 @@ def begin_of(day: date | None, *, after: bool = False) -> str | None:
         return begin.isoformat(timespec="milliseconds")
 
 
+def _wanted(  # noqa: PLR0917 - as they stand in the address
+    serial: str | None, unit: str | None, model: str | None, recipe: str | None, verdict: str | None,
+    operator: str | None, since: date | None, until: date | None,
+) -> Wanted:  # fmt: skip
+    """Return which runs are meant; serial: how the number begins, unit: all of it."""
+    return Wanted(
+        serial=unit, begins=serial, model=model, recipe=recipe, verdict=verdict, operator=operator,
+        since=begin_of(since), until=begin_of(until, after=True),
+    )  # fmt: skip
+
+
 def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
 
@@ -102,10 +120,7 @@ def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
         refused = refuse(token)
         if refused is not None:
             return refused
-        wanted = Wanted(
-            serial=unit, begins=serial, model=model, recipe=recipe, verdict=verdict, operator=operator,
-            since=begin_of(since), until=begin_of(until, after=True),
-        )  # fmt: skip
+        wanted = _wanted(serial, unit, model, recipe, verdict, operator, since, until)
         page = search(station.data, wanted, first=first, count=count)
         shown = [{name: getattr(row, name) for name in SHOWN} for row in page.rows]
         return JSONResponse({"total": page.total, "behind": page.behind, "runs": shown})
@@ -129,6 +144,41 @@ def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
         app.get(f"/api/runs/{{run}}/{path}", summary=row.text, tags=["runs"], name=path, **told)(
             _file_endpoint(station, refuse, row)
         )
+
+
+def add_run_table(app: FastAPI, station: Station, refuse: Refuse) -> None:
+    """Add the endpoint of the table of runs; as `add_runs`."""
+
+    @app.get(
+        "/api/runs.csv", summary="runs with their metrics, oldest first, a row a run, as a table for a spreadsheet",
+        tags=["runs"], **answers(200, 401, 403, 422, 503),
+    )  # fmt: skip
+    def table(  # noqa: PLR0917 - every one is named in the address
+        token: CookieToken = None,
+        serial: Part = None,
+        unit: Part = None,
+        model: Part = None,
+        recipe: Part = None,
+        verdict: Verdict | None = None,
+        operator: Part = None,
+        since: Day = None,
+        until: Day = None,
+        locale: Literal["en", "de"] = "en",
+    ) -> Response:
+        refused = refuse(token)
+        if refused is not None:
+            return refused
+        wanted = _wanted(serial, unit, model, recipe, verdict, operator, since, until)
+        total = search(station.data, wanted, first=0, count=1).total
+        if total > MOST_IN_TABLE:
+            words = (
+                f"{total} runs fit; a table has at most {MOST_IN_TABLE}. Ask for fewer, or use 'lostmotion runs --csv'."
+            )
+            return refused_with(BAD_INPUT, "count", words)
+        with look_at(station.data) as view:
+            text = MARK + csv_of(run_table(view, wanted), LOCALES[locale])
+        kept = {"Content-Disposition": 'attachment; filename="runs.csv"'}
+        return Response(text.encode(), media_type="text/csv; charset=utf-8", headers=kept)
 
 
 def _file_endpoint(station: Station, refuse: Refuse, row: RunFile) -> Callable[..., Response]:

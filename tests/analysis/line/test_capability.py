@@ -99,7 +99,7 @@ def test_indices_do_not_depend_on_the_unit(shift: float, scale: float) -> None:
         ([1.0, 2.0, 3.0], None, None, 1, "no limit"),
         ([1.0, 2.0, 3.0], 2.0, 1.0, 1, "lower limit must be smaller"),
         ([1.0, 2.0, 3.0], 0.0, np.inf, 1, "must be finite numbers"),
-        ([1.0, 1.0, 1.0], 0.0, 2.0, 1, "spread above zero"),
+        ([1.0, 1.0, 1.0], 0.0, 2.0, 1, "standard deviation"),
         ([1.0, 2.0], 0.0, 2.0, 1, "found 2 values"),
         ([1.0, np.nan, 2.0], 0.0, 2.0, 1, "value 2 is nan"),
         ([1.0, 2.0, 3.0], 0.0, 2.0, 2, "2 whole subgroups"),

@@ -221,7 +221,7 @@ def test_maxwell_slip_merges_what_cannot_be_told_apart() -> None:
         (np.zeros(100), np.full(100, np.nan), "row 1: found angle 0 and torque nan"),
         (np.zeros(5), np.zeros(5), "found 5 samples"),
         (np.linspace(0, 1, 100), np.linspace(0, 1, 100), "never reverses"),
-        (np.zeros(100), np.concatenate([np.linspace(-1, 1, 50), np.linspace(1, -1, 50)]), "does not move"),
+        (np.zeros(100), np.concatenate([np.linspace(-1, 1, 50), np.linspace(1, -1, 50)]), "does not change"),
     ],
 )
 def test_what_is_no_loop_is_said(angle: np.ndarray, torque: np.ndarray, said: str) -> None:

@@ -123,7 +123,7 @@ X = np.sin(T * 100)
         (T, X, np.full(1000, np.nan), (1, 10), None, "row 1 of angle"),
         (T, X, X, (10, 1), None, "band 10…1 Hz"),
         (T, X, X, (1, 600), None, "up to 500"),
-        (T, 0 * X, X, (1, 100), None, "torque does not move"),
+        (T, 0 * X, X, (1, 100), None, "torque does not change"),
         (T, X, X, (1, 100), 0.5, "1 segments of 500"),
         (T, X, X, (1, 100), 0.1005, "100.5 samples"),
     ],

@@ -31,6 +31,7 @@ from reference_unit import bench_trace, exact_trace
 from analysis.evaluation.pipeline import analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.trace.errors import AnalysisError
+from analysis.trace.trace import CHANNELS
 from analysis.validity.evidence import Evidence
 from analysis.validity.judge import FIGURES, TABLES, check_reasons, judge_checks
 from definitions.checks import CHECKS
@@ -195,3 +196,21 @@ def test_a_copied_cycle_is_told_by_its_number_and_only_where_noise_is_declared()
     assert of(GOOD_RUN, "copied_cycles").figure < 1.0
     unknown = analyse(copied_cycle()["trace"], KNOWN, WANTED, facts=FACTS)
     assert of(unknown, "copied_cycles").passed is None
+
+
+def test_one_delay_of_a_slow_amplifier_is_no_delay_within_a_ramp() -> None:
+    """An amplifier that answers after 10 ms gives a sample each 10 ms, by which time the drive has gone on."""
+    rows = np.arange(0, GOOD.samples, max(round(0.01 / float(np.median(np.diff(GOOD.t_s)))), 1))
+    names = (*CHANNELS, "segment")
+    sparse = dataclasses.replace(GOOD, **{name: _rows(name, rows) for name in names})
+    plain = of(judged(trace=sparse), "drive_angle_direction")
+    ahead = np.interp(sparse.t_s + 0.01, GOOD.t_s, GOOD.drive_angle_rad)
+    found = of(judged(trace=dataclasses.replace(sparse, drive_angle_rad=ahead)), "drive_angle_direction")
+    assert plain.passed
+    assert found.passed
+    assert found.figure < plain.figure + 0.05
+
+
+def _rows(name: str, rows: np.ndarray) -> np.ndarray | None:
+    values = getattr(GOOD, name)
+    return None if values is None else values[rows]

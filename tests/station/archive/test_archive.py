@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from archives import data_with_archive, kill_at, killed
-from lostmotion_command import here
+from lostmotion_command import ROOT, here
 from stored_runs import START, metric, store_run
 
 from recipes import RecipeError
@@ -31,14 +31,19 @@ from station.store.retention import apply, load_rules, plan
 from station.store.table_counts import all_rows
 from station.store.view import look_at, opened
 
+GOLDEN = ROOT / "tests" / "proofs" / "golden" / "golden.yaml"
 RULES = "rules:\n  - {id: old, class: virtual, keep_days: 30, then: nothing, kept_in: archive}\n"
 
 
 @pytest.fixture(scope="module")
-def runs(golden_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A whole run, and four small ones of two hours."""
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A whole run, and four small ones of two hours.
+
+    In a chain of their own: of copies of one chain, what is written to the second stands behind what was cut off it.
+    """
     data = tmp_path_factory.mktemp("archive") / "runs"
-    shutil.copytree(golden_run.data, data)
+    ran = here("run", str(GOLDEN), "--serial", "R", "--virtual-time", "--no-report", "--data", str(data))
+    assert ran.exit_code in (0, 3), ran
     for number, day in enumerate((0.0, 0.001, 0.002, 1.0)):
         store_run(data, f"U{number}", [metric(0.4 + 0.01 * number, uncertainty=0.02)], day=day, virtual="P1")
     return data
@@ -224,7 +229,7 @@ def test_objects_that_are_half_there_gone_or_strange_are_named(archived: Path, t
     assert set(found) == {"changed", "missing", "strange"}
     assert "part-of-nobody" in found["strange"].text
     lost = next(run for run, one in read_note(data).runs.items() if second.name in one.line.full.name)
-    assert "is not there" in why_not_archived(data, place, Store(data).find(lost))
+    assert "is missing" in why_not_archived(data, place, Store(data).find(lost))
 
 
 def test_a_run_that_is_not_as_it_was_sealed_is_left_out(runs: Path, tmp_path: Path) -> None:
@@ -233,7 +238,7 @@ def test_a_run_that_is_not_as_it_was_sealed_is_left_out(runs: Path, tmp_path: Pa
     (run.folder / "result.json").write_bytes((run.folder / "result.json").read_bytes() + b" ")
     done = push(data, place)
     assert [one.run for one in done.left_out] == [run.id]
-    assert "not as it was sealed: result.json" in done.left_out[0].why
+    assert "result.json" in done.left_out[0].why
     assert done.runs == 4
     told = here("archive", "push", "--data", str(data))
     assert (told.exit_code, "left out: " in told.out) == (1, True)
@@ -272,7 +277,7 @@ def test_questions_in_sql_read_the_archive_and_nothing_else(archived: Path, tmp_
         f"COPY runs TO '{tmp_path}/x.csv'",
         "SELECT nothing FROM runs",
     ):
-        with pytest.raises(ArchiveError, match="There are the views runs"):
+        with pytest.raises(ArchiveError, match="runs, metrics"):
             ask(place, sql, 9)
     told = here("archive", "ask", "SELECT serial FROM runs ORDER BY 1", "--csv", "--data", str(data))
     assert told.out.splitlines()[:2] == ["serial", "R"]

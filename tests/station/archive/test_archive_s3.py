@@ -63,7 +63,7 @@ def test_a_bucket_takes_runs_gives_them_back_and_answers(
     assert not verify_archive(data, place).problems
     assert ask(place, "SELECT serial FROM runs ORDER BY 1", 9).rows == (("R",), ("U1",))
     assert ask(place, "SELECT count(*) > 1000 FROM traces", 9).rows == ((True,),)
-    with pytest.raises(ArchiveError, match="There are the views"):
+    with pytest.raises(ArchiveError, match="runs, metrics"):
         ask(place, "SELECT * FROM read_csv('/etc/passwd')", 9)
     run = next(run.folder for run in Store(data).runs() if run.serial() == "R")
     before = {one.name: one.read_bytes() for one in run.iterdir() if one.is_file() and one.name != ".owner"}
@@ -84,6 +84,6 @@ def test_an_archive_that_is_not_there_is_told_and_nothing_is_noted(
     named = {"key_from": KEY, "secret_from": SECRET}
     for url, there in (("s3://plant/eol", "http://127.0.0.1:9"), ("s3://nobodys/eol", endpoint)):
         place = Place(ArchiveSettings(url=url, endpoint=there, **named))
-        with pytest.raises(ArchiveError, match=r"Check (the network, the place and the credentials|bucket and folder)"):
+        with pytest.raises(ArchiveError, match=r"Check (network, address and credentials|bucket and folder)"):
             push(data, place)
     assert not read_note(data).runs

@@ -280,7 +280,7 @@ def test_a_german_spreadsheet_is_read_and_its_errors_are_fields_for_programs(tmp
 def test_few_or_equal_values_are_refused_in_words(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="expected 3 or more"):
         line.capability_of(of_file(csv(tmp_path, "value\n1\n2\n")), (0.0, 1.0), 1, 0.95, as_json=False)
-    with pytest.raises(AnalysisError, match="spread above zero"):
+    with pytest.raises(AnalysisError, match="standard deviation"):
         line.capability_of(of_file(csv(tmp_path, "value\n1\n1\n1\n")), (0.0, 1.0), 1, 0.95, as_json=False)
     with pytest.raises(StationError, match="either a CSV FILE, or --metric"):
         line.units_of(Asked(None, "value", tmp_path, None), 0.95, as_json=False)

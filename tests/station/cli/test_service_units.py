@@ -52,4 +52,4 @@ def test_systemd_understands_every_line(tmp_path: Path) -> None:
 def test_a_folder_that_a_unit_cannot_name_is_refused(tmp_path: Path) -> None:
     refused = here("serve", "--data", str(tmp_path / "two words"), "--install-unit", str(tmp_path))
     assert refused.exit_code == 2
-    assert "blanks" in refused.err
+    assert "spaces" in refused.err

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from made_documents import result
 
-from definitions.commissioning import NOT_COMMISSIONED, STEP_BY_ID, STEPS, concerns
+from definitions.commissioning import CHANGED, NOT_COMMISSIONED, STEP_BY_ID, STEPS, UNFINISHED, concerns
 from recipes import Bench
 from station.bench.commissioned import protocol_path, read_protocol, standings
 from station.bench.request import DRIVER_PROFILES, load_job
@@ -14,6 +15,7 @@ from station.commissioning.on_wires import OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import Figure, Finding
 from station.errors import RecordError, StationError
+from station.reports.result_notes import note_lines
 
 WRONG = Finding(what="The contact is inverted.", cure="Use the other contact.")
 
@@ -164,3 +166,33 @@ def test_a_virtual_drive_needs_no_proof(bench_file: Path) -> None:
 def test_a_step_that_nobody_has_done_stands_so() -> None:
     stands = standings(read_protocol(Path("none-there.yaml"), load_job("rv-40e-121-quick", "virtual").bench), {})
     assert [one.state for one in stands] == ["to do"] * len(STEP_BY_ID)
+
+
+def notes_of(path: Path) -> tuple[str, ...]:
+    return load_job("rv-40e-121-quick", str(path)).drive_notes
+
+
+def test_a_result_names_what_has_changed_since_the_bench_was_commissioned(bench_file: Path) -> None:
+    """By the protocol alone: a bench that never had one is not told of here, and a virtual drive is no exception."""
+    never = notes_of(bench_file)
+    assert not any(one.startswith((CHANGED, UNFINISHED)) for one in never)
+    pass_all(on_wires(str(bench_file)))
+    assert not any(one.startswith((CHANGED, UNFINISHED)) for one in notes_of(bench_file))
+    change(bench_file, "gain: 15", "gain: 25")
+    assert notes_of(bench_file)[-1] == (
+        f"{CHANGED}: torque_control.gain_per_s 15.0 → 25.0. Steps due: tune, timing. Run: lostmotion bench status"
+    )
+    change(bench_file, "timeout: 5 ms", "timeout: 8 ms")
+    change(bench_file.with_name("virtual-amplifier.yaml"), "scale: 1.0e-6", "scale: -1.0e-6")
+    change(bench_file.with_name("virtual-amplifier.yaml"), "scale: 1.0e-4", "scale: -1.0e-4")
+    assert "and 1 more. Steps due: probe, registers, io, " in notes_of(bench_file)[-1]
+
+
+def test_a_result_says_that_a_bench_was_not_commissioned_to_the_end(bench_file: Path) -> None:
+    bench = on_wires(str(bench_file))
+    for step in STEPS[:-2]:
+        write_down(bench, step.id, None, (), ())
+    said = notes_of(bench_file)[-1]
+    assert said == f"{UNFINISHED}. Steps due: tune, timing. Run: lostmotion bench status"
+    shown = note_lines(result(notes=(said, "another")))
+    assert shown[0] == said

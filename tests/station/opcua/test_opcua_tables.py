@@ -134,7 +134,7 @@ def test_what_an_outbox_owes_is_owed_until_it_is_acknowledged(tmp_path: Path) ->
     assert told.altered
     assert again.content(told) is None
     assert again.forget("first") == 2
-    with pytest.raises(StationError, match="Known here: late"):
+    with pytest.raises(StationError, match="Known clients: late"):
         again.forget("first")
     database.close()
 
@@ -145,7 +145,7 @@ def test_what_an_outbox_owes_is_owed_until_it_is_acknowledged(tmp_path: Path) ->
         ("endpoint: opc.tcp://127.0.0.1/", "an address such as opc.tcp://127.0.0.1:4840/"),
         ("endpoint: http://127.0.0.1:4840/", "an address such as"),
         ("policies: [None]", "Basic256Sha256"),
-        ("clients: [{name: a, user: x}, {name: a, user: y}]", "a name of its own"),
+        ("clients: [{name: a, user: x}, {name: a, user: y}]", "a different name"),
         ("clients: [{name: a, user: x, certificate: y}]", "exactly one of user and certificate"),
         ("anonymus: true", "anonymous"),
     ],
@@ -162,7 +162,7 @@ def test_a_certificate_that_clients_would_refuse_is_refused_at_the_start(tmp_pat
     plant.set_up()
     settings = load_opcua(plant.data)
     assert checked_certificate(plant.data, settings)[1].startswith("urn:")
-    with pytest.raises(StationError, match="there already"):
+    with pytest.raises(StationError, match="exists already"):
         make_certificate(plant.data, settings, ())
     elsewhere = settings.model_copy(update={"endpoint": "opc.tcp://bench-7.plant.example:4840/"})
     with pytest.raises(StationError, match="not for bench-7"):
@@ -192,7 +192,7 @@ def test_the_commands_say_what_is_missing_and_what_is_in_the_way(tmp_path: Path)
         taken.bind(("127.0.0.1", plant.port))
         taken.listen()
         refused = here("opcua", "serve", *words)
-    assert (refused.exit_code, "the port is taken" in refused.err) == (2, True)
+    assert (refused.exit_code, "uses this port" in refused.err) == (2, True)
     (data / "opcua.yaml").write_text(SETTINGS.format(port=plant.port).replace("the mes", "nobody"))
     unknown = here("opcua", "serve", *words)
     assert (unknown.exit_code, "there is no account 'nobody'" in unknown.err) == (2, True)
@@ -204,7 +204,7 @@ def test_the_commands_say_what_is_missing_and_what_is_in_the_way(tmp_path: Path)
     assert here("opcua", "trust", str(data / "opcua.yaml"), *words).exit_code == 2
     assert "no clients" in here("opcua", "clients", *words).out
     assert here("opcua", "clients", "--json", *words).out.strip() == "[]"
-    assert "Known here: none" in here("opcua", "forget", "mes", *words).err
+    assert "Known clients: none" in here("opcua", "forget", "mes", *words).err
     unit = here("opcua", "serve", "--install-unit", str(tmp_path), *words)
     assert "systemctl enable --now lostmotion-opcua.service" in unit.out
     assert f"opcua serve --data {data}" in (tmp_path / "lostmotion-opcua.service").read_text()

@@ -15,6 +15,7 @@ from stored_runs import metric, store_run
 
 from station.errors import StationError
 from station.records.backup import LIST, back_up, restore
+from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
 from station.records.verify import verify_folder
 from station.web.people import audit
@@ -137,7 +138,7 @@ def test_a_backup_that_is_not_whole_leaves_nothing_behind(
 def test_nothing_is_written_over(data: Path, tmp_path: Path) -> None:
     file = tmp_path / "backup.tar"
     back_up(data, file)
-    with pytest.raises(StationError, match="there already"):
+    with pytest.raises(StationError, match="exists already"):
         back_up(data, file)
     with pytest.raises(StationError, match="not empty"):
         restore(file, data)
@@ -150,6 +151,24 @@ def test_there_is_no_backup_while_a_run_is_on(data: Path, tmp_path: Path) -> Non
     with pytest.raises(StationError, match=on.id):
         back_up(data, tmp_path / "backup.tar")
     assert not (tmp_path / "backup.tar").exists()
+    on.lock.close()
+
+
+@pytest.mark.parametrize("folder", ["jogs", "recoveries"])
+def test_jogs_and_recoveries_are_in_it_and_none_is_on_meanwhile(data: Path, tmp_path: Path, folder: str) -> None:
+    below = data / folder
+    store_run(below, "jog", [], state="stopped")
+    made = here("backup", str(tmp_path / "b.tar"), "--data", str(data), "--json")
+    assert (made.exit_code, made.json[folder]) == (0, 1), made.out + made.err
+    assert f"{folder}/{CHAIN}" in content(data)
+    restore(tmp_path / "b.tar", tmp_path / "again")
+    assert content(tmp_path / "again") == content(data)
+    assert here("verify", "--data", str(tmp_path / "again")).exit_code == 0
+    on = Store(below).create("jog", SETUP, {}, own=True)
+    refused = here("backup", str(tmp_path / "c.tar"), "--data", str(data))
+    assert refused.exit_code == 2
+    assert f"{folder}/{on.id}" in refused.err
+    assert not (tmp_path / "c.tar").exists()
     on.lock.close()
 
 

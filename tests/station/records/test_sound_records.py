@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from station_samples import IMAGE, ORDERS
 
+from definitions.faults import FAULTS
 from definitions.image import Image, Orders, State
 from station.atomic_file import as_json
 from station.documents.entries import plain
@@ -82,3 +83,16 @@ def test_a_sensor_that_gives_no_number_is_unknown_and_no_torque_counts_as_none(c
     assert (left.torque_nm is None) == (channel == "torque_out_nm")
     assert "treat the unit as wound up" in left.next_action
     as_json([plain(left), [plain(event) for event in events_of(table, 1_000_000, [])]])
+
+
+def test_an_emergency_message_behind_the_state_fault_explains_it() -> None:
+    """A drive shows FAULT in its process data, and says in a message of its own why: either may come first."""
+    number = next(one.number for one in FAULTS if one.id == "drive_fault")
+    fault = QUIET._replace(state=int(State.FAULT), fault=number, alarms=1 << number)
+    before = records(QUIET, fault, image=IMAGE._replace(command=0, drive_emcy_code=0))
+    image = IMAGE._replace(command=0, drive_emcy_code=0x7121)
+    content = before + pack((2, 2, 0, 0), image, fault)
+    (alarm,) = (event for event in events_of(sound_table(content), 1_000_000, []) if event.kind == "alarm")
+    assert alarm.scan == 1
+    assert alarm.detail is not None
+    assert alarm.detail.startswith("emergency code 0x7121: motor blocked; check")

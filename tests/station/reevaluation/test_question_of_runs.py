@@ -208,7 +208,7 @@ def test_the_command_evaluates_real_runs_in_processes_of_its_own(folder: Path, s
 
 
 REFUSED = {
-    "nothing is asked": ((), "nothing is asked"),
+    "nothing is asked": ((), "--recipe, --metric, --preset or --limits"),
     "limits of nothing": (("--limits", "lost_motion"), "a metric and what is other"),
     "a limit that is no number": (("--limits", "lost_motion max=wide"), "a number"),
     "an option that is none": (("--limits", "lost_motion upper=1"), "min, max, guard and branch"),

@@ -102,7 +102,7 @@ def test_a_stop_and_a_bench_that_did_not_open_are_headlines_too() -> None:
 )
 def test_what_to_do_follows_from_how_the_bench_was_left(changes: dict[str, Any], advice: str) -> None:
     assert advice in left_action(left(**changes))
-    assert ("when last heard of" in left_text(left(**changes))) == ("known" in "".join(changes))
+    assert ("(last known)" in left_text(left(**changes))) == ("known" in "".join(changes))
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 
 import pytest
@@ -80,8 +81,8 @@ def test_another_load_and_another_release_part_them_without_any_alarm(content, j
     segments = tuple(replace(one, rate_nm_s=one.rate_nm_s * 0.9) for one in job.program.segments)
     slower = parted(content, job.program, replace(job.program, segments=segments))
     assert slower is not None
-    assert (slower.fault, slower.cause[:21]) == ("", "it would have ordered")
-    assert "drive_target_torque_nm" in slower.cause
+    assert slower.fault == ""
+    assert re.search(r"drive_target_torque_nm \S+ instead of \S+", slower.cause)
     later = parted(content, job.program, replace(job.program, release_torque_nm=1e-6))
     assert later is not None
     assert later.scan > slower.scan

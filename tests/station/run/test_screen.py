@@ -14,6 +14,7 @@ from station_samples import IMAGE, ORDERS
 from definitions.faults import FAULTS
 from definitions.image import State
 from definitions.states import row_of
+from drivers.servo_drive.emcy import DRIVE_ALARMS
 from station.bench.request import load_job
 from station.cli.terminal_plot import Canvas, nice_ceiling, plot
 from station.documents.events import Alarm
@@ -145,6 +146,19 @@ def test_each_alarm_is_printed_once_and_the_first_cause_is_marked() -> None:
         "ALARM  1.000 s  text of guard  ◀ first cause",
     ]
     assert "red" not in str(lines[0].style)
+
+
+def test_what_the_drive_says_stands_with_its_alarms() -> None:
+    for fault in FAULTS:
+        (text,) = alarm_texts(1 << fault.number, 0x7121)
+        assert ("emergency code 0x7121: motor blocked" in text) == (fault.id in DRIVE_ALARMS)
+    alarms = [replace(named("late", "quick_stop"), detail="emergency code 0x7121: motor blocked; check the unit")]
+    (line,) = alarm_lines(result(alarms=alarms))
+    assert line.plain.endswith("mend late. Emergency code 0x7121: motor blocked; check the unit")
+
+
+def test_every_alarm_that_an_emergency_code_explains_is_one() -> None:
+    assert {fault.id for fault in FAULTS} >= DRIVE_ALARMS
 
 
 def test_ramps_are_named_by_where_they_go() -> None:

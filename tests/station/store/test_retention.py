@@ -68,7 +68,7 @@ def test_the_first_rule_that_fits_counts_and_what_the_next_start_is_judged_by_st
     }, "the bad unit has days left, and what was not concluded is of no rule's verdict"
     bad = next(run for run in Store(data).runs() if run.serial() == "GOOD-1")
     (bad.folder / "result.json").write_text("{}", encoding="utf-8")
-    assert planned(data)["GOOD-1", "good"].startswith("is not as it was sealed")
+    assert planned(data)["GOOD-1", "good"].startswith("has changed")
 
 
 def test_nothing_goes_that_is_not_in_the_backup_as_it_is(data: Path) -> None:

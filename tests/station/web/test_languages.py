@@ -7,19 +7,25 @@ import inspect
 import re
 
 import pytest
-from station_support import client_of, write_models
+from station_support import PASSWORD, client_of, write_models
 from test_start_permission import cases
 
+from definitions.faults import FAULT_BY_NUMBER, Fault
 from definitions.image import State
+from definitions.jog import PHASES
 from definitions.states import row_of
+from station.web.actions.jog import NO_JOG
+from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
+from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
-from station.web.pages import frame, operator, results, words
+from station.web.pages import frame, jog, operator, people, results, words
 from station.web.pages.operator import enter_page
 from station.web.pages.words import Shown
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
+from station.web.people.listed import CLOSED, FIRST, LOCKED, OPEN
 from station.web.permission import Situation, Wanted, refusals, situation_of
 from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
 from station.web.station import Station
@@ -42,11 +48,32 @@ def said(module: object) -> list[str]:
     return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
 
 
+def titles(module: object) -> list[str]:
+    """Return the texts that a page gives to what it builds its fields, buttons and cards by."""
+    calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
+    named = [one for one in calls if ast.unparse(one.func) in ("self._input", "self._button", "self._card")]
+    return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
+
+
+def of_a_jog() -> list[Fault]:
+    """Return the faults that may come up while somebody jogs, from its begin to its end."""
+    own = {"enabling_device_stuck", "jog_not_stopped", "drive_enable_timeout", "devices_not_ready"}
+    return [one for one in FAULT_BY_NUMBER.values() if State.JOG in one.live_in or one.id in own]
+
+
 TEXTS = [
     *shown(), *said(operator), *said(results), *said(frame), *(one["headerName"] for one in results.COLUMNS),
     *(name.capitalize() for name in frame.PAGES), *ROLES, *operator.RETEST_REASONS, operator.PUT_AWAY,
+    operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
+    *said(jog), *said(people), *titles(people), *people.COLUMNS, *people.DONE.values(),
+    OPEN, FIRST, LOCKED, CLOSED, "yes", "no",
+    *jog.KEYS.values(), *jog.TOLD, *jog.WORDS.values(), *jog.SHARES.values(), jog.MAY_JOG,
+    *(text for one in (jog.NO_JOG, jog.STARTS) for text in (one.words, one.next_action)),
+    "released", "pressed", "not known", "Fault", "Wait", "at most 2.5 rpm",
+    *(text for row in PHASES for text in (row.words, row.next_action)), NO_JOG,
+    *(text for fault in of_a_jog() for text in (fault.text, fault.next_action)),
 ]  # fmt: skip
 
 
@@ -58,9 +85,23 @@ def allowed(tmp_path_factory: pytest.TempPathFactory) -> Situation:
 
 
 @pytest.mark.parametrize("language", OTHERS)
+def test_what_stands_of_a_label_has_one_in_each_language(language: str) -> None:
+    stages = [(stage, "") for stage in (TO_PRINT, SENT, PRINTED)]
+    for stage, trouble in (*stages, (NOT_MADE, "why"), *((TO_PRINT, why) for why in TROUBLES.values())):
+        text = str(Awaited("R", "SN-1", stage, trouble))
+        said = words_of(language)(text)
+        assert said != text, text
+        assert "SN-1" in said
+        assert trouble == "why" or not trouble or trouble not in said
+
+
+@pytest.mark.parametrize("language", OTHERS)
 def test_every_text_of_the_pages_has_one_in_each_language(language: str) -> None:
     there = messages(language)
-    assert [text for text in TEXTS if not there.get(text)] == []
+    assert [text for text in TEXTS if not there.get(text) and words_of(language)(text) == text] == []
+    parts = re.findall(r'say\("(.+?)"', (frame.HERE / "jog.html").read_text("utf-8"))
+    assert len(parts) > 4
+    assert [text for text in parts if not there.get(text)] == []
     entered = re.findall(r"\{\{(.+?)\}\}", (frame.HERE / "enter.html").read_text("utf-8"))
     assert len(entered) > 8
     assert [text for text in entered if not there.get(text)] == []
@@ -74,6 +115,35 @@ def test_every_reason_of_a_refused_start_has_one_in_each_language(
     for name, situation in cases(allowed, monkeypatch).items():
         ((_, why),) = refusals(situation)
         assert say(why) != why, f"{name}: {why}"
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_every_refusal_of_a_jog_or_an_account_has_one_in_each_language(station: Station, language: str) -> None:
+    """What the actions of the two pages refuse, asked for as anybody might."""
+    say, said = words_of(language), list[str]()
+    asked = (
+        ("begin_jog", {"model": "no such"}), ("hold_jog", {"direction": 1}), ("release_jog", {}), ("end_jog", {}),
+        ("press_device", {"down": True}), ("add_person", {"name": " x", "role": "operator", "password": "long enough"}),
+        ("add_person", {"name": "x", "role": "operator", "password": "short"}),
+        ("add_person", {"name": "the mes", "role": "operator", "password": "long enough"}),
+        ("assign_badge", {"name": "nobody", "badge": "B-100001", "pin": "8305"}),
+        ("assign_badge", {"name": "the mes", "badge": "B", "pin": "8305"}),
+        ("assign_badge", {"name": "the mes", "badge": "B-100001", "pin": "1234"}),
+        ("assign_badge", {"name": "the mes", "badge": "B-100001", "pin": "x"}),
+        ("withdraw_badge", {"name": "the mes"}), ("disable_person", {"name": "the admin"}),
+        ("reset_person", {"name": "the admin", "password": "long enough"}),
+        ("disable_person", {"name": "nobody"}), ("change_pin", {"password": "wrong", "pin": "8305"}),
+        ("change_pin", {"password": PASSWORD, "pin": "8305"}),
+        ("change_password", {"old_password": "wrong", "new_password": "long enough"}),
+    )  # fmt: skip
+    found = client_of(station, "admin")
+    for action, values in asked:
+        answer = found.post(action, values)
+        assert answer.status_code != 200, action
+        said += [one["text"] for one in answer.json()["refused"]]
+    refused = client_of(station, "operator").post("assign_badge", {"name": "x", "badge": "B-100001", "pin": "8305"})
+    said += [refused.json()["refused"][0]["text"]]
+    assert [text for text in said if say(text) == text] == []
 
 
 def test_no_message_has_lost_or_invented_a_place_holder() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sqlite3
+import time
 from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
@@ -12,7 +13,7 @@ from axe_playwright_python.sync_playwright import Axe
 from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
 
-from station.web.pages.frame import PAGES
+from station.web.pages.frame import PAGES, SESSION_EVERY_S
 from station.web.people.badges import assign_badge
 from station.web.people.database import StationDatabase
 from station.web.scanner_test import AS_GERMAN
@@ -154,6 +155,10 @@ def test_what_was_measured_is_found_with_its_report(station: Served, page: playw
         page.wait_for_selector(f"{rows}:has-text('SN-4')", state="detached")
         # A row that stays is the same element: a click on it is not lost while an answer comes.
         page.wait_for_selector(f"{rows}[data-seen*='BAD-1'] .lm-bad:has-text('FAIL')")
+        with page.expect_download() as asked:
+            page.click("text=These runs with their metrics, as CSV")
+        assert "BAD-1" in Path(asked.value.path()).read_text("utf-8"), "what is looked for, as a table"
+        assert "SN-4" not in Path(asked.value.path()).read_text("utf-8")
         address = page.wait_for_selector('a[aria-label^="report of BAD-1"]').get_attribute("href")
         page.goto(f"{station.url}{address}")
         assert "BAD-1" in page.inner_text("main")
@@ -198,6 +203,15 @@ def test_axe_finds_nothing_serious_on_any_page(station: Served, enter: Enter) ->
 
 
 def test_nobody_sees_the_bench_after_the_end_of_a_session(station: Served, page: playwright.Page) -> None:
+    asked = []
+
+    def slowly(route: playwright.Route) -> None:
+        asked.append(route.request.url)
+        time.sleep(2.0 * SESSION_EVERY_S)  # a busy computer: a page that asks again meanwhile breaks its own way off
+        route.continue_()
+
+    page.route("**/enter", slowly)
     with closing(sqlite3.connect(Path(station.data) / "station.sqlite3")) as database, database:
         database.execute("UPDATE sessions SET ends_s = 0")
     page.wait_for_url("**/enter")
+    assert len(asked) == 1

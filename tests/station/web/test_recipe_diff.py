@@ -7,7 +7,7 @@ import re
 from hypothesis import given
 from hypothesis import strategies as st
 
-from station.web.pages.recipes_diff import NOTHING, diff_html
+from station.web.pages.recipes.diff import NOTHING, diff_html
 
 LINES = st.lists(st.sampled_from(["a: 1", "b: <2>", "", "c: 3  # &"]), max_size=12)
 

@@ -157,6 +157,22 @@ def test_a_report_is_a_page_that_runs_nothing(client: Client) -> None:
     assert client.http.get(f"/api/runs/{run}/report.exe").status_code in (404, 422)
 
 
+def test_the_table_of_runs_is_that_of_the_command(
+    station: Station, client: Client, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert client_of(station).http.get("/api/runs.csv").status_code == 401
+    for locale in ("en", "de"):
+        found = client.http.get("/api/runs.csv", params={"verdict": "PASS", "locale": locale})
+        assert found.headers["content-disposition"] == 'attachment; filename="runs.csv"'
+        told = here("runs", "--csv", "--verdict", "PASS", "--locale", locale, "--data", str(station.data)).out
+        assert found.content.decode("utf-8-sig") == told
+        assert len(told.splitlines()) == 2
+    assert len(client.http.get("/api/runs.csv", params={"serial": "nobody's"}).content.splitlines()) == 1
+    monkeypatch.setattr("station.web.rest.runs.MOST_IN_TABLE", 0)
+    refused = client.http.get("/api/runs.csv")
+    assert (refused.status_code, "Ask for fewer" in refused.text) == (422, True)
+
+
 def test_the_files_of_a_run_are_those_of_the_commands(station: Station, client: Client, tmp_path: Path) -> None:
     run = client.http.get("/api/runs").json()["runs"][0]["run"]
     loop = client.http.get(f"/api/runs/{run}/loop.csv")

@@ -28,6 +28,7 @@ from station.records.run_record import RESULT
 from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web import permission
+from station.web.labels.outbox import PRINTED, Awaited
 from station.web.mes.previous_step import PreviousStep
 from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
@@ -76,6 +77,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "recipe_released": dataclasses.replace(good, release=None),
         "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
+        "label_read": dataclasses.replace(good, label=str(Awaited("R0", "SN-0", PRINTED))),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
         "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
         "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),

@@ -18,7 +18,7 @@ from station.records.recipe_revisions import History, Revision, State
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.pages.frame import SESSION_EVERY_S, Column, act, bar, session_of_page, still_open
-from station.web.pages.recipes_editor import LINE_INK, add_editor, address_of
+from station.web.pages.recipes.editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
 from station.web.station import Station

@@ -30,7 +30,7 @@ from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
 from station.web.pages.operator import metrics_table
 from station.web.pages.quality_figures import Options
-from station.web.pages.recipes_diff import diff_html
+from station.web.pages.recipes.diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
 from station.web.people.accounts import Session
 from station.web.recipe_text.check import LookedAt, look_at
@@ -349,7 +349,7 @@ def _dry_run_html(now: DryRun, stage: str) -> str:
     word = shown.word if result.state == "complete" else result.state.upper()
     reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
     tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
-    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>The try took {now.took_s:.0f} s.</p>"
+    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>The dry run took {now.took_s:.0f} s.</p>"
 
 
 def _history_html(history: History, name: str) -> str:

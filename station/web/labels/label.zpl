@@ -1,0 +1,11 @@
+^XA
+^CI28
+^PW600
+^LL300
+^FO20,20^BQN,2,4^FH^FDQA,{code}^FS
+^FO270,30^A0N,56,56^FH^FD{verdict}^FS
+^FO270,100^A0N,34,34^FH^FD{serial}^FS
+^FO270,145^A0N,26,26^FH^FD{model}  {date} {time}^FS
+^FO270,180^A0N,26,26^FH^FD{recipe} r{revision}^FS
+^FO270,215^A0N,26,26^FH^FD{copy}^FS
+^XZ

@@ -1,0 +1,327 @@
+"""Labels of sealed runs: printed once each, by a thread of the server, and awaited until a scan has read them.
+
+The chain of runs is the source, as for the MES: each entry that seals a run with a verdict that gets a label becomes a
+row, in the transaction that notes how far the chain was read. A label is noted as sent before it is sent. So it never
+comes twice by itself: a second label with PASS could be put on another unit. Where nobody knows whether it came out, a
+person looks, and scans it or has it printed again.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any, NamedTuple
+
+from sqlalchemy import ColumnElement, Connection, insert, select, update
+
+from station.documents.manifest import Manifest
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.certificate_code import code_of
+from station.records.run_record import RunRecord
+from station.results.sealed_runs import chain_end, result_of, sealed_since
+from station.wall_clock import WALL_CLOCK, now_text
+from station.web.labels.printer import Line, PrinterError, connected
+from station.web.labels.settings import Labels
+from station.web.labels.template import LabelError, Source, filled
+from station.web.people.database import LABELS, LABELS_READ, StationDatabase
+
+LOOK_EVERY_S = 0.3
+WAIT_S = 2.0
+"""Wait before a printer that could not print is asked again."""
+
+ASK_EVERY_S = 0.1
+"""How often a printer is asked whether the label has come out."""
+
+TO_PRINT, SENT, PRINTED, NOT_MADE = "to print", "sent", "printed", "not made"
+
+
+class Awaited(NamedTuple):
+    """The oldest label that is not on its unit yet: of which run and unit, how far it is, and what is in its way."""
+
+    run: str
+    serial: str
+    stage: str
+    trouble: str = ""
+
+    def __str__(self) -> str:
+        label = f"The label of unit {self.serial}"
+        if self.stage == NOT_MADE:
+            return f"{label} cannot be made: {self.trouble}. Call the technician."
+        if self.stage == TO_PRINT and self.trouble:
+            return f"{label} is not printed. {self.trouble}. It is printed then."
+        if self.stage == TO_PRINT:
+            return f"{label} is being printed."
+        if self.stage == SENT:
+            found = "If it is there, put it on the unit and scan it. If not, print it again."
+            return f"{label} may be printed or not. {found}"
+        return f"{label} was not read yet. Put it on the unit and scan it."
+
+
+def begin_here(database: StationDatabase, data: Path) -> None:
+    """Note where the chain ends when labels are set up: earlier runs get none."""
+    with database.writing() as connection:
+        if connection.execute(select(LABELS_READ.c.offset)).first() is None:
+            connection.execute(insert(LABELS_READ).values(number=1, offset=chain_end(data)))
+
+
+def collect(database: StationDatabase, data: Path, labels: Labels) -> int:
+    """Make a label for each run that was sealed since the last look and gets one; return how many.
+
+    Raises:
+        StationError: the chain or the database cannot be read.
+
+    """
+    with database.reading() as connection:
+        offset = connection.execute(select(LABELS_READ.c.offset)).scalar() or 0
+    sealed, end = sealed_since(data, offset)
+    if end == offset:
+        return 0
+    made = [row for fields in sealed if (row := _made(data, fields["run"], labels)) is not None]
+    with database.writing() as connection:
+        taken = update(LABELS_READ).where(LABELS_READ.c.offset == offset).values(offset=end)
+        if not connection.execute(taken).rowcount:
+            return 0
+        for row in made:
+            if connection.execute(select(LABELS.c.number).where(LABELS.c.run == row.run)).first() is None:
+                connection.execute(insert(LABELS).values(**row._asdict(), copy=1, next_s=0.0, done_by="", why=""))
+    return len(made)
+
+
+class _NewLabel(NamedTuple):
+    """A label that is to be printed; one that cannot be made has no text, and says why."""
+
+    run: str
+    serial: str
+    label: str = ""
+    reads_as: str = ""
+    trouble: str = ""
+
+
+def _made(data: Path, run: str, labels: Labels) -> _NewLabel | None:
+    """Return the label of a run; None where it gets none."""
+    altered, result = result_of(data, run)
+    try:
+        manifest = RunRecord(data / run).manifest()
+    except StationError as error:
+        sys.stderr.write(f"labels  run {run} gets no label: {error}\n")
+        return None
+    if not gets_label(manifest, labels):
+        return None
+    try:
+        if result is None:
+            raise LabelError(altered[0] if altered else "the run has no result")
+        return _NewLabel(run, manifest.serial, *label_of(data, manifest, result, labels, 1))
+    except StationError as error:
+        return _NewLabel(run, manifest.serial, trouble=str(error))
+
+
+def gets_label(manifest: Manifest, labels: Labels) -> bool:
+    """Say whether the unit of a run gets a label: by its verdict, and never a master part or a run with faults."""
+    counts = manifest.state == "complete" and manifest.unit.master is None and manifest.scenario is None
+    return counts and manifest.verdict in labels.templates
+
+
+def label_of(data: Path, manifest: Manifest, result: Result, labels: Labels, copy: int) -> tuple[str, str]:
+    """Return the label of a run in ZPL, and what a scan of it reads; LabelError where it cannot be made."""
+    template = labels.templates.get(manifest.verdict or "")
+    if template is None:
+        raise LabelError(f"run {manifest.id}: units with {manifest.verdict or 'no verdict'} get no label")
+    source = Source(manifest, result, code_of(RunRecord(data / manifest.id)), copy)
+    wanted = labels.settings.read_back
+    return template.fill(source), "" if wanted is None else filled(wanted, source)
+
+
+def awaited(connection: Connection, labels: Labels) -> Awaited | None:
+    """Return the oldest label that is not on its unit, as far as it is known; None where there is none.
+
+    Without `read_back` a label that was printed is done.
+    """
+    row = _oldest(connection, labels)
+    return None if row is None else Awaited(row.run, row.serial, _stage(row), row.trouble)
+
+
+def why_not_next(connection: Connection, data: Path, labels: Labels) -> str:
+    """Return why the next unit has to wait for a label, in words; '' where it has not.
+
+    Raises:
+        StationError: the chain cannot be read.
+
+    """
+    found = awaited(connection, labels)
+    if found is not None:
+        return str(found)
+    offset = connection.execute(select(LABELS_READ.c.offset)).scalar()
+    if offset is None or sealed_since(data, offset)[0]:
+        return "The label of the last unit is being made. Wait a moment, then scan again."
+    return ""
+
+
+def _oldest(connection: Connection, labels: Labels) -> Any:
+    left: ColumnElement[bool] = LABELS.c.done_at.is_(None)
+    if labels.settings.read_back is None:
+        left = left & LABELS.c.printed_at.is_(None)
+    return connection.execute(select(LABELS).where(left).order_by(LABELS.c.number).limit(1)).first()
+
+
+def _stage(row: Any) -> str:
+    if not row.label:
+        return NOT_MADE
+    if row.printed_at is not None:
+        return PRINTED
+    return TO_PRINT if row.sent_at is None else SENT
+
+
+class WrongLabelError(StationError):
+    """What was scanned is a label, and not the one that is awaited."""
+
+
+def is_label(connection: Connection, scanned: str) -> bool:
+    """Say whether a scanned text is that of a label of this station."""
+    return connection.execute(select(LABELS.c.number).where(LABELS.c.reads_as == scanned).limit(1)).first() is not None
+
+
+def read_back(connection: Connection, labels: Labels, scanned: str, name: str) -> Awaited:
+    """Note that the awaited label was read on its unit; return it.
+
+    Raises:
+        WrongLabelError: it is the label of another unit, one that was read before, or none is awaited.
+
+    """
+    now = _oldest(connection, labels)
+    if now is not None and now.reads_as == scanned:
+        if now.sent_at is None:
+            raise WrongLabelError(
+                f"The label of unit {now.serial} is not printed yet, so this is an old one. Throw it away."
+            )
+        values = {"done_at": now_text(), "done_by": name, "printed_at": now.printed_at or now_text(), "label": ""}
+        connection.execute(update(LABELS).where(LABELS.c.number == now.number).values(**values))
+        return Awaited(now.run, now.serial, PRINTED)
+    same = select(LABELS.c.serial).where(LABELS.c.reads_as == scanned).order_by(LABELS.c.number.desc()).limit(1)
+    serial = connection.execute(same).scalar()
+    if serial is None:
+        raise WrongLabelError("This is no label of this bench. Scan the label that was printed for the unit.")
+    if now is None:
+        raise WrongLabelError(f"The label of unit {serial} was read before. Scan the next unit.")
+    raise WrongLabelError(
+        f"This is the label of unit {serial}. That of unit {now.serial} is awaited. Find the one that is wrong."
+    )
+
+
+def print_again(connection: Connection, data: Path, labels: Labels, run: str) -> int:
+    """Have a label printed once more, as the next copy; return which copy it is.
+
+    Raises:
+        StationError: the run has no label, it waits for the printer already, or its record cannot be read.
+
+    """
+    row = connection.execute(select(LABELS).where(LABELS.c.run == run)).first()
+    if row is None:
+        raise LabelError(f"Run {run[:80]!r} has no label.")
+    if row.label and row.sent_at is None:
+        raise LabelError(f"The label of unit {row.serial} waits for the printer already. {row.trouble}".strip())
+    altered, result = result_of(data, run)
+    if result is None:
+        raise LabelError(f"Run {run}: {altered[0] if altered else 'has no result'}. No label is made of it.")
+    copy = row.copy + (row.sent_at is not None)
+    label, reads_as = label_of(data, RunRecord(data / run).manifest(), result, labels, copy)
+    anew = {"label": label, "reads_as": reads_as, "copy": copy, "next_s": 0.0, "trouble": ""}
+    anew |= {"sent_at": None, "printed_at": None, "done_at": None, "done_by": "", "why": ""}
+    connection.execute(update(LABELS).where(LABELS.c.number == row.number).values(**anew))
+    return int(copy)
+
+
+def set_aside(connection: Connection, run: str, name: str, why: str) -> None:
+    """Note that a unit goes without a label that was read; LabelError where none is awaited of it."""
+    values = {"done_at": now_text(), "done_by": name, "why": why, "label": ""}
+    asked = (LABELS.c.run == run) & LABELS.c.done_at.is_(None)
+    if not connection.execute(update(LABELS).where(asked).values(**values)).rowcount:
+        raise LabelError(f"Run {run[:80]!r} has no label that is awaited.")
+
+
+class Printing:
+    """A thread of the server that prints what is to be printed."""
+
+    def __init__(self, database: StationDatabase, data: Path, labels: Labels) -> None:
+        """Prepare it."""
+        self._database, self._data, self._labels = database, data, labels
+        self._end = Event()
+        self._thread = Thread(target=self._loop, name="labels", daemon=True)
+        begin_here(database, data)
+
+    def start(self) -> None:
+        """Begin to print."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End: what is not printed is kept for the next start."""
+        self._end.set()
+        if self._thread.ident is not None:
+            self._thread.join(timeout=2.0 * self._labels.settings.printer.timeout_s + LOOK_EVERY_S)
+
+    def _loop(self) -> None:
+        told = ""
+        while not self._end.wait(LOOK_EVERY_S):
+            try:
+                self.look()
+                why = ""
+            except StationError as error:
+                why = f"labels  none is printed: {error}\n"  # it is looked at again
+            if why != told:
+                sys.stderr.write(why)
+            told = why
+
+    def look(self) -> None:
+        """Collect what is new, and print the oldest label that is due."""
+        collect(self._database, self._data, self._labels)
+        due = LABELS.c.sent_at.is_(None) & LABELS.c.done_at.is_(None) & (LABELS.c.label != "")
+        with self._database.reading() as connection:
+            row = connection.execute(select(LABELS).where(due).order_by(LABELS.c.number).limit(1)).first()
+        if row is None or row.next_s > WALL_CLOCK.now().timestamp():
+            return
+        try:
+            self._print(row)
+        except PrinterError as error:
+            self._note(row, trouble=str(error), next_s=WALL_CLOCK.now().timestamp() + WAIT_S)
+
+    def _print(self, row: Any) -> None:
+        printer = self._labels.settings.printer
+        with connected(printer.host, printer.port, printer.timeout_s) as line:
+            status = line.status()
+            if status.trouble:
+                raise PrinterError(status.trouble)
+            if status.waiting:
+                raise PrinterError("The printer still has other labels to print. Wait, or switch it off and on")
+            if not self._taken(row):
+                return
+            line.send(row.label)
+            self._wait_for(line, row, printer.timeout_s)
+
+    def _taken(self, row: Any) -> bool:
+        """Note that a label is sent; False where somebody else has sent it, or asked for another copy."""
+        with self._database.writing() as connection:
+            free = _same(row) & LABELS.c.sent_at.is_(None) & LABELS.c.done_at.is_(None)
+            return connection.execute(update(LABELS).where(free).values(sent_at=now_text(), trouble="")).rowcount > 0
+
+    def _wait_for(self, line: Line, row: Any, timeout_s: float) -> None:
+        """Note that the label has come out, once the printer says that it has nothing left to print."""
+        end_s = time.monotonic() + timeout_s
+        while True:
+            status = line.status()
+            if status.idle:
+                self._note(row, printed_at=now_text(), trouble="")
+                return
+            self._note(row, trouble=status.trouble)
+            if time.monotonic() > end_s or self._end.wait(ASK_EVERY_S):
+                return
+
+    def _note(self, row: Any, **values: object) -> None:
+        with self._database.writing() as connection:
+            connection.execute(update(LABELS).where(_same(row)).values(**values))
+
+
+def _same(row: Any) -> ColumnElement[bool]:
+    same: ColumnElement[bool] = (LABELS.c.number == row.number) & (LABELS.c.copy == row.copy)
+    return same

@@ -119,8 +119,9 @@ def _made(data: Path, run: str, labels: Labels) -> _NewLabel | None:
 
 
 def gets_label(manifest: Manifest, labels: Labels) -> bool:
-    """Say whether the unit of a run gets a label: by its verdict, and never a master part or a run with faults."""
+    """Say whether the unit of a run gets a label: by its verdict, never of a master part, a study or faults."""
     counts = manifest.state == "complete" and manifest.unit.master is None and manifest.scenario is None
+    counts = counts and manifest.study is None
     return counts and manifest.verdict in labels.templates
 
 

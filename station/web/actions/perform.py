@@ -13,6 +13,7 @@ from sqlalchemy import Connection, delete, insert, select
 from station.documents.entries import Plain
 from station.errors import StationError
 from station.records.recipe_revisions import RevisionError
+from station.records.studies import StudyError
 from station.wall_clock import WALL_CLOCK
 from station.web.actions.row import (
     BAD_INPUT,
@@ -180,6 +181,7 @@ _REFUSALS: tuple[tuple[type[StationError], int, str], ...] = (
     (BypassError, BAD_INPUT, "input"),
     (BadRecipeError, BAD_INPUT, "recipe"),
     (RevisionError, NOT_NOW, "recipe"),
+    (StudyError, NOT_NOW, "study"),
 )
 """Status and id of a refusal, by what was raised; of anything else the station cannot do it now."""
 

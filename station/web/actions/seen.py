@@ -13,6 +13,7 @@ from sqlalchemy import select
 from recipes import RecipeError
 from station.documents.entries import Plain
 from station.records.recipe_revisions import History, header_of
+from station.records.studies import read_study, study_names
 from station.web.actions.row import Call
 from station.web.actions.values import (
     Announced,
@@ -20,6 +21,7 @@ from station.web.actions.values import (
     EndedBypass,
     FreshPassword,
     Named,
+    NamedStudy,
     NewBadge,
     NewBypass,
     NewPerson,
@@ -55,6 +57,12 @@ def jog(call: Call, _given: Values) -> Plain:
     """Whether the bench is jogged, in which record, and which key is held."""
     standing = call.station.jogging.standing()
     return {"on": standing.on, "jog": standing.now.run, "held": standing.held}
+
+
+def study(call: Call, given: NamedStudy) -> Plain:
+    """How many runs the file of a study has taken; None while there is no such study."""
+    there = given.study in study_names(call.station.data)
+    return {"taken": len(read_study(call.station.data, given.study).taken) if there else None}
 
 
 def dry_run(call: Call, _given: RecipeTried) -> Plain:

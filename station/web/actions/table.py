@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from station.web.actions import bench, jog, labels, people, recipes, runs, seen
+from station.web.actions import bench, jog, labels, people, recipes, runs, seen, studies
 from station.web.actions.row import Action
 from station.web.actions.values import (
     AccountAdded,
@@ -22,12 +22,14 @@ from station.web.actions.values import (
     LabelOfRun,
     LabelTold,
     Named,
+    NamedStudy,
     NewBadge,
     NewBypass,
     NewJog,
     NewPassword,
     NewPerson,
     NewPin,
+    NewStudy,
     NoLabel,
     Nothing,
     Outcome,
@@ -43,6 +45,7 @@ from station.web.actions.values import (
     RunStarted,
     Scanned,
     Start,
+    StudyTold,
     UnitAnnounced,
 )
 from station.web.people.accounts import MES, ROLES
@@ -52,6 +55,8 @@ AT_THE_BENCH = frozenset({"operator", "technician", "engineer", "admin"})
 IN_CHARGE = frozenset({"technician", "engineer", "admin"})
 ADMIN = frozenset({"admin"})
 MAY_RELEASE = frozenset({"quality", "engineer", "admin"})
+
+MAY_PLAN = IN_CHARGE | {"quality"}
 
 MAY_START = AT_THE_BENCH | {MES}
 
@@ -64,6 +69,12 @@ ACTIONS: dict[str, Action] = {
                runs.ask_permission, Permission, seen.bench, ("scanned",)),
         Action("announce_unit", "say whether a unit passed its previous process step", frozenset({MES}), Announced,
                runs.announce_unit, UnitAnnounced, seen.previous_step, ("serial", "previous_step")),
+        Action("begin_study", "begin a guided study: keep its plan, with the order of its measurements", MAY_PLAN,
+               NewStudy, studies.begin_study, StudyTold, seen.study, ("study", "kind", "parts", "operators", "metrics"),
+               tells=("steps",), reaches_out=True),
+        Action("settle_study", "write which runs a guided study has taken", AT_THE_BENCH | MAY_PLAN, NamedStudy,
+               studies.settle_study, StudyTold, seen.study, ("study",), tells=("measured", "steps"),
+               reaches_out=True),
         Action("stop_run", "bring the torque to zero and stop the run", EVERYBODY, Nothing, runs.stop_run, Outcome,
                seen.bench, reaches_out=True),
         Action("confirm_nok", "confirm that a bad unit is in the NOK box", AT_THE_BENCH, Confirm, runs.confirm,

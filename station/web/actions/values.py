@@ -107,6 +107,24 @@ class EndedBypass(Values):
     condition: str = Field(max_length=40)
 
 
+class NamedStudy(Values):
+    """A guided study by its name."""
+
+    study: str = Field(max_length=40)
+
+
+class NewStudy(NamedStudy):
+    """A study to begin: serial numbers, operators, metrics by id; references and tolerances one for each, or none."""
+
+    kind: Literal["type1", "gage"]
+    parts: list[str] = Field(min_length=1, max_length=50)
+    operators: list[str] = Field(default=[], max_length=20)
+    metrics: list[str] = Field(min_length=1, max_length=20)
+    references: list[float] = Field(default=[], max_length=20)
+    tolerances: list[float] = Field(default=[], max_length=20)
+    trials: int | None = Field(default=None, ge=1, le=1000)
+
+
 class NewPerson(Values):
     """A new account."""
 
@@ -267,6 +285,14 @@ class JogBegun(Outcome):
 
     model: str
     bench: str
+
+
+class StudyTold(Outcome):
+    """A study, and how many of its steps are measured."""
+
+    study: str
+    measured: int
+    steps: int
 
 
 class BypassAdded(Outcome):

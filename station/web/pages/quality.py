@@ -45,6 +45,7 @@ from station.store.quality.lot import Lot, production
 from station.wall_clock import WALL_CLOCK
 from station.web.models import Models
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.pages.guided_studies import GuidedStudies
 from station.web.pages.quality_figures import (
     LINE,
     Options,
@@ -191,11 +192,14 @@ class _Quality:
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
                 lot = ui.tab("Production")
                 bench = ui.tab("Can this bench measure?")
+                studies = ui.tab("Guided studies")
             with ui.tab_panels(tabs, value=lot).classes("lm-panels"):
                 with ui.tab_panel(lot):
                     self._production()
                 with ui.tab_panel(bench):
                     self._bench()
+                with ui.tab_panel(studies):
+                    GuidedStudies(self._station, self._session).build()
         ui.timer(0.0, self._first, once=True)
 
     def _production(self) -> None:

@@ -181,6 +181,8 @@ VALUES = {
     "begin_jog": {"model": "P1", "speed": 1.0},
     "press_device": {"down": True},
     "leave_recovery": {"recovery": "R"},
+    "begin_study": {"study": "g", "kind": "gage", "parts": ["A"], "operators": ["B"], "metrics": ["lost_motion"]},
+    "settle_study": {"study": "g"},
 }
 
 

@@ -24,6 +24,8 @@ VALUES = {
     "start_run": {"scanned": "of no model at all"},
     "ask_permission": {"scanned": "of no model at all"},
     "announce_unit": {"serial": "ä", "previous_step": "passed"},
+    "begin_study": {"study": "g", "kind": "gage", "parts": ["of no model at all"], "metrics": ["lost_motion"]},
+    "settle_study": {"study": "no such study"},
     "stop_run": {},
     "confirm_nok": {"run": "R"},
     "read_label": {"scanned": "no label"},

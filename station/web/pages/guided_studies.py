@@ -1,0 +1,209 @@
+"""The tab of guided studies on the page of quality: which unit comes next, who measures it, and the figures.
+
+A unit is measured by the action that starts any run, under the same conditions; here it is told which study it is for.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+
+from nicegui import ui
+from pydantic import JsonValue
+
+from analysis.trace.errors import AnalysisError
+from station.documents.study import TYPE_ONE
+from station.errors import StationError
+from station.quality.bench_ability import TypeOneFigure
+from station.quality.guided.evaluate import Figure, evaluate, refuse_incomplete
+from station.quality.guided.progress import look
+from station.records.studies import study_names
+from station.store.quality.lot import production
+from station.web.actions.table import ACTIONS
+from station.web.pages.frame import act, still_open
+from station.web.people.accounts import Session
+from station.web.station import Station
+
+LOOK_EVERY_S = 2.0
+MOST_ROWS = 8
+KINDS = {TYPE_ONE: "Type 1: one unit of known value", "gage": "Gage: units by operators"}
+
+
+@dataclass(frozen=True)
+class StudyText:
+    """A study for a person: what it is of, how far it is, what comes next, what is missing and what does not count."""
+
+    head: str
+    next: str
+    rows: tuple[str, ...]
+    whole: bool
+
+
+def page_study(data: Path, name: str) -> StudyText:
+    """Return how a study stands, in words; StationError as `look`."""
+    found = look(data, name)
+    plan, steps = found.plan, len(found.plan.order)
+    head = (
+        f"{plan.kind} of {', '.join(one.id for one in plan.metrics)}: {len(found.measured)} of {steps} steps measured"
+    )
+    now, coming = found.next, "Every step is measured. Evaluate the study."
+    if found.running:
+        coming = f"Run {found.running} is in progress. Wait for its end."
+    elif now is not None:
+        step, cell = now
+        by = f", by {cell.operator}" if cell.operator else ""
+        coming = f"Step {step} of {steps}: put unit {cell.part} on the bench{by}, and scan its label."
+    rows = [f"missing: {one}" for one in found.missing()]
+    rows = [*rows[:MOST_ROWS], *([f"and {len(rows) - MOST_ROWS} more"] if len(rows) > MOST_ROWS else [])]
+    rows += [f"step {one.step}, run {one.run} does not count: {one.why}" for one in found.does_not_count[-MOST_ROWS:]]
+    return StudyText(head, coming, tuple(rows), whole=not found.open)
+
+
+def page_figures(data: Path, name: str) -> tuple[str, ...]:
+    """Return the figures of a study in words; StationError, AnalysisError as `evaluate`."""
+    found = look(data, name, samples=True)
+    refuse_incomplete(found)
+    with production(data) as view:
+        return tuple(_words(one) for one in evaluate(view, found))
+
+
+def _words(figure: Figure) -> str:
+    if isinstance(figure, TypeOneFigure):
+        one = figure.study
+        word = "● capable" if one.capable else "■ NOT CAPABLE"
+        return (
+            f"{word}: {figure.series.metric.name} side {figure.series.side}: Cg {one.cg:.2f} ({one.cg_low:.2f} … "
+            f"{one.cg_high:.2f}), Cgk {one.cgk:.2f} ({one.cgk_low:.2f} … {one.cgk_high:.2f}); 1.33 is needed. "
+            f"{one.measurements} measurements, bias {one.bias:.3g}, standard deviation {one.sd:.3g}"
+        )
+    share = figure.anova.tolerance_pct
+    tolerance = "" if share is None else f", {share:.3g} % of the tolerance"
+    return (
+        f"{figure.metric} side {figure.side}: gage {figure.anova.grr_pct.value:.3g} % of the total spread{tolerance}; "
+        f"{figure.anova.ndc} groups of parts told apart"
+    )
+
+
+class GuidedStudies:
+    """The tab on one open page."""
+
+    def __init__(self, station: Station, session: Session) -> None:
+        self._station, self._session = station, session
+        self._shown: StudyText | None = None
+
+    def build(self) -> None:
+        """Lay the tab out."""
+        with ui.element("div").classes("lm-filters"):
+            self._study = ui.select([], label="Study", on_change=self._look).props("outlined dense")
+        with ui.element("div").classes("lm-quality-grid"):
+            with ui.element("section").classes("lm-card lm-quality-card lm-study"):
+                ui.html("<h2>What comes next</h2>", sanitize=False)
+                self._head = ui.label().classes("lm-words")
+                self._next = ui.label().props('role="status" aria-live="polite"')
+                with ui.row().classes("lm-choose-row"):
+                    self._scanned = ui.input("Scanned label").props("outlined dense")
+                    self._scanned.on("keydown.enter", self._measure)
+                    self._button("start_run", "Measure", self._measure)
+                    self._button("settle_study", "Evaluate", self._evaluate)
+                self._said = ui.label().classes("lm-words").props('role="alert"')
+                self._rows = ui.html("", sanitize=False)
+            if self._may("begin_study"):
+                self._begin_card()
+        ui.timer(0.0, self._names, once=True)
+        ui.timer(LOOK_EVERY_S, self._look)
+
+    def _begin_card(self) -> None:
+        with ui.element("section").classes("lm-card lm-quality-card"):
+            ui.html("<h2>Begin a study</h2>", sanitize=False)
+            self._name = ui.input("Name").props("outlined dense")
+            self._kind = ui.select(KINDS, value=TYPE_ONE, label="Kind").props("outlined dense")
+            self._parts = ui.input("Serial numbers, with commas").props("outlined dense")
+            self._operators = ui.input("Operators by their accounts, with commas").props("outlined dense")
+            self._metrics = ui.input("Metrics by id, with commas").props("outlined dense")
+            self._references = ui.input("Known values, one for each metric (type 1)").props("outlined dense")
+            self._tolerances = ui.input("Tolerances (empty: as in the recipe)").props("outlined dense")
+            self._trials = ui.number("Trials (empty: 50 or 3)", min=1, format="%d").props("outlined dense")
+            self._button("begin_study", "Begin", self._begin)
+            self._begun = ui.label().classes("lm-words").props('role="alert"')
+
+    def _may(self, action: str) -> bool:
+        return self._session.person.role in ACTIONS[action].roles
+
+    def _button(self, action: str, text: str, does: Callable[[], object]) -> None:
+        if self._may(action):
+            ui.button(text, on_click=does).props("outline no-caps")
+
+    async def _names(self, chosen: str = "") -> None:
+        names = await asyncio.to_thread(study_names, self._station.data)
+        self._study.set_options(names, value=chosen or (names[-1] if names else None))
+        if not names:
+            self._next.set_text("No study was begun.")
+
+    async def _look(self) -> None:
+        name = self._study.value
+        if not name or not await still_open(self._station, self._session):
+            return
+        try:
+            found = await asyncio.to_thread(page_study, self._station.data, str(name))
+        except StationError as error:
+            self._next.set_text(str(error))
+            return
+        if found != self._shown:
+            self._shown = found
+            self._head.set_text(found.head)
+            self._next.set_text(found.next)
+            self._rows.set_content("<br>".join(escape(one) for one in found.rows))
+
+    async def _measure(self) -> None:
+        scanned, self._scanned.value = str(self._scanned.value or ""), ""
+        await self._done("start_run", {"scanned": scanned, "study": str(self._study.value or "")}, self._said)
+
+    async def _evaluate(self) -> None:
+        name = str(self._study.value or "")
+        if not await self._done("settle_study", {"study": name}, self._said):
+            return
+        try:
+            make, data = self._station.evaluations.figure, self._station.data
+            figures = await asyncio.to_thread(lambda: make(page_figures, data, name))
+        except (StationError, AnalysisError) as error:
+            self._said.set_text(str(error))
+            return
+        self._said.set_text(". ".join(figures))
+
+    async def _begin(self) -> None:
+        name = str(self._name.value or "").strip()
+        try:
+            numbers = {"references": _numbers(self._references.value), "tolerances": _numbers(self._tolerances.value)}
+        except ValueError as error:
+            self._begun.set_text(f"Known values and tolerances are numbers with a point: {error}")
+            return
+        values: dict[str, JsonValue] = {
+            "study": name, "kind": str(self._kind.value), "parts": list(_texts(self._parts.value)),
+            "operators": list(_texts(self._operators.value)), "metrics": list(_texts(self._metrics.value)),
+            "trials": None if self._trials.value is None else int(self._trials.value),
+        }  # fmt: skip
+        for key, found in numbers.items():
+            values[key] = list(found)
+        if await self._done("begin_study", values, self._begun):
+            self._begun.set_text(f"Study {name} was begun.")
+            await self._names(name)
+
+    async def _done(self, action: str, values: dict[str, JsonValue], said: ui.label) -> bool:
+        """Do an action, and say why not; return whether it was done."""
+        answer = await act(self._station, self._session, action, values)
+        said.set_text(" ".join(one.text for one in answer.refused))
+        self._shown = None
+        await self._look()
+        return not answer.refused
+
+
+def _texts(given: str | None) -> list[str]:
+    return [one.strip() for one in re.split(r"[,;]", given or "") if one.strip()]
+
+
+def _numbers(given: str | None) -> list[float]:
+    return [float(one) for one in _texts(given)]

@@ -64,6 +64,11 @@ def _hash(run: RunRecord) -> str:
         raise refused(path, error, "read") from error
 
 
+def is_code(text: str) -> bool:
+    """Say whether a text is written as a code is, whatever it stands for."""
+    return _CODE.fullmatch(text.strip()) is not None
+
+
 def check_code(data: Path, text: str) -> CheckedCode:
     """Return what a code is, against the records and the chain of a data folder.
 

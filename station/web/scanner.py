@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 
 from station.errors import StationError
+from station.records.certificate_code import is_code
 from station.records.data_folder import LONGEST_SERIAL
 
 GS = "\x1d"
@@ -33,7 +34,8 @@ def serial_of(scanned: str) -> str:
     """Return the serial number in what was scanned; carriage return, line feed, tabs and blanks around it do not count.
 
     Raises:
-        ScanError: it is empty, too long, has characters that no scanner sends, or is a GS1 code without serial number.
+        ScanError: it is empty, too long, has characters that no scanner sends, is a GS1 code without serial number, or
+            is the code of a label or a certificate.
 
     """
     text = scanned.strip("\r\n\t \x00")
@@ -75,6 +77,8 @@ def _of_elements(text: str) -> str:
 
 
 def _checked(text: str) -> str:
+    if is_code(text):
+        raise ScanError("this is the code of a label or a certificate. Scan the code of the unit")
     if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
         raise ScanError(
             f"{text[:40]!r}: is not a serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters. "

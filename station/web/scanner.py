@@ -16,6 +16,9 @@ GS = "\x1d"
 SYMBOLOGIES = ("]C1", "]e0", "]d2", "]Q3", "]J1")
 """GS1-128, GS1 DataBar, GS1 DataMatrix, GS1 QR Code, GS1 DotCode."""
 
+IDENTIFIER = re.compile(r"\][A-Za-z][0-9A-Za-z]")
+"""What a scanner may be set to send in front of every code: the identifier of its symbology."""
+
 FIXED = {"00": 18, "01": 14, "02": 14, "11": 6, "12": 6, "13": 6, "15": 6, "16": 6, "17": 6, "20": 2}
 """Digits of the elements of fixed length, by application identifier: no separator stands behind them."""
 
@@ -49,6 +52,13 @@ def serial_of(scanned: str) -> str:
     return _checked(text)
 
 
+def without_identifier(scanned: str) -> str:
+    """Return the text of a code that is no unit's, as of a label: without what only says how it was printed."""
+    text = scanned.strip()
+    found = IDENTIFIER.match(text)
+    return text if found is None else text[found.end() :]
+
+
 def _of_elements(text: str) -> str:
     serial = None
     while text:
@@ -77,7 +87,7 @@ def _of_elements(text: str) -> str:
 
 
 def _checked(text: str) -> str:
-    if is_code(text):
+    if is_code(without_identifier(text)):
         raise ScanError("this is the code of a label or a certificate. Scan the code of the unit")
     if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
         raise ScanError(

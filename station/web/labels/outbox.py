@@ -26,6 +26,7 @@ from station.web.labels.printer import Line, PrinterError, connected
 from station.web.labels.settings import Labels
 from station.web.labels.template import LabelError
 from station.web.people.database import LABELS, LABELS_READ, StationDatabase
+from station.web.scanner import without_identifier
 
 LOOK_EVERY_S = 0.3
 WAIT_S = 2.0
@@ -174,7 +175,8 @@ class WrongLabelError(StationError):
 
 def is_label(connection: Connection, scanned: str) -> bool:
     """Say whether a scanned text is that of a label of this station."""
-    found = select(LABELS.c.number).where(LABELS.c.reads_as == scanned, LABELS.c.reads_as != "").limit(1)
+    text = without_identifier(scanned)
+    found = select(LABELS.c.number).where(LABELS.c.reads_as == text, LABELS.c.reads_as != "").limit(1)
     return connection.execute(found).first() is not None
 
 
@@ -185,7 +187,7 @@ def read_back(connection: Connection, labels: Labels, scanned: str, name: str) -
         WrongLabelError: it is the label of another unit, one that was read before, or none is awaited.
 
     """
-    now = _oldest(connection, labels)
+    scanned, now = without_identifier(scanned), _oldest(connection, labels)
     if now is not None and scanned and now.reads_as == scanned:
         if now.sent_at is None:
             raise WrongLabelError(

@@ -308,6 +308,9 @@ def test_every_field_has_a_value(plain_source: Source) -> None:
         ("^XA^CI28^FH^FDlot_ {serial}^FS^XZ", "_5F"),
         ("^XA^FH^FD{serial}^FS^XZ", "^CI28"),
         ("^XA^CI28^PQ2^FH^FD{serial}^FS^XZ", "^PQ"),
+        ("^XA^CI28^Pq5^FH^FD{serial}^FS^XZ", "capitals"),
+        ("^XA^CI28^PQ1,0,5^FH^FD{serial}^FS^XZ", "^PQ"),
+        ("^XA^CI28^PQ01,1^FH^FD{serial}^FS^XZ", "^PQ"),
         ("^XA^CI28^CC+^FH^FD{serial}^FS^XZ", "^CC"),
         ("^XA^CI28^XFR:OLD^FS^XZ", "^XF"),
         ("~JA^XA^CI28^FH^FD{serial}^FS^XZ", "~"),
@@ -606,3 +609,20 @@ def test_the_code_of_a_label_is_no_serial_number(plant: Station) -> None:
     """Where labels are not set up any more, or the label is of another bench, and any text is a serial number."""
     with pytest.raises(ScanError, match="label"):
         serial_of(good_run(plant))
+
+
+@pytest.mark.usefixtures("printer")
+def test_a_scanner_that_says_how_a_code_is_printed_reads_a_label(plant: Station) -> None:
+    """GS1 codes need it of a scanner, and it then says it of every code."""
+    code = good_run(plant)
+    thread_of(plant).look()
+    with pytest.raises(ScanError, match="label"):
+        serial_of(f"]Q1{code}")
+    with plant.database.reading() as connection:
+        assert outbox.is_label(connection, f"]Q1{code}")
+    assert client_of(plant, "operator").post("read_label", {"scanned": f"]Q1{code}\r"}).status_code == 200
+
+
+@pytest.mark.parametrize("quantity", ["", "1", "1,0", "1,0,1,Y", "1,,,N,Y"])
+def test_a_template_may_say_that_it_is_one_label(quantity: str) -> None:
+    assert parse(f"^XA^CI28^PQ{quantity}^FH^FD{{serial}}^FS^XZ", "t").parts

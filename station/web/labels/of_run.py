@@ -10,6 +10,7 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.records.certificate_code import code_of
 from station.records.chain.entries import Fields
+from station.records.recipe_revisions import History
 from station.records.run_record import RunRecord
 from station.records.seal import CONCLUDED
 from station.reports.headline import manifest_badges
@@ -19,7 +20,10 @@ from station.web.labels.settings import Labels
 from station.web.labels.template import LabelError, Source, filled
 
 COMPLETE = "complete"
-NO_LABEL = "Master parts, virtual units, and runs that did not complete or had faults injected get none"
+NO_LABEL = (
+    "Master parts, virtual units, and runs that did not complete, had faults injected or have a recipe that is not "
+    "released get none"
+)
 
 
 class NotYetError(StationError):
@@ -51,7 +55,7 @@ def label_for(data: Path, fields: Fields, labels: Labels) -> NewLabel | None:
         if altered:
             raise LabelError(altered[0])
         manifest = record.manifest()
-        if not gets_label(manifest, labels):
+        if not gets_label(data, manifest, labels):
             return None
         if result is None:
             raise LabelError("the run has no result")
@@ -72,11 +76,16 @@ def _wait_for_its_name(record: RunRecord) -> None:
         raise NotYetError(f"run {record.id} is being concluded")
 
 
-def gets_label(manifest: Manifest, labels: Labels) -> bool:
-    """Say whether the unit of a run gets a label: by its verdict, and never a master part or a run with faults."""
+def gets_label(data: Path, manifest: Manifest, labels: Labels) -> bool:
+    """Say whether the unit of a run gets a label: by its verdict, and never a master part or a run with faults.
+
+    Nor does one whose limits nobody has released, as a technician's trial by `lostmotion run`.
+    """
     counts = manifest.state == COMPLETE and manifest.unit.master is None and manifest.scenario is None
     real = labels.settings.virtual_units or not manifest_badges(manifest)
-    return counts and real and manifest.verdict in labels.templates
+    if not (counts and real and manifest.verdict in labels.templates):
+        return False
+    return History(data).released_with(manifest.recipe.sha256) is not None
 
 
 def label_of(data: Path, manifest: Manifest, result: Result, labels: Labels, copy: int) -> tuple[str, str]:
@@ -84,7 +93,7 @@ def label_of(data: Path, manifest: Manifest, result: Result, labels: Labels, cop
     template = labels.templates.get(manifest.verdict or "")
     if template is None:
         raise LabelError(f"run {manifest.id}: units with {manifest.verdict or 'no verdict'} get no label")
-    if not gets_label(manifest, labels):
+    if not gets_label(data, manifest, labels):
         raise LabelError(f"run {manifest.id}: gets no label. {NO_LABEL}")
     source = Source(manifest, result, code_of(RunRecord(data / manifest.id)), copy)
     wanted = labels.settings.read_back

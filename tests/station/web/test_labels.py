@@ -88,8 +88,12 @@ def due_now(plant: Station) -> None:
         connection.execute(LABELS.update().values(next_s=0.0))
 
 
+def released_text(data: Path) -> bytes:
+    return (data.parent / "recipes" / "good.yaml").read_bytes()
+
+
 def good_run(plant: Station, serial: str = "SN-1", **words: object) -> str:
-    run = store_run(plant.data, serial, [metric(0.4)], **words)
+    run = store_run(plant.data, serial, [metric(0.4)], **{"text": released_text(plant.data)} | words)
     return code_of(run)
 
 
@@ -134,7 +138,10 @@ def test_the_label_of_another_unit_is_refused_and_told(plant: Station) -> None:
     assert stand(plant) is None
 
 
-@pytest.mark.parametrize("words", [{"failed": "too wide"}, {"master": "PASS"}, {"scenario": "s"}, {"state": "stopped"}])
+@pytest.mark.parametrize(
+    "words",
+    [{"failed": "too wide"}, {"master": "PASS"}, {"scenario": "s"}, {"state": "stopped"}, {"text": b"of nobody\n"}],
+)
 def test_units_that_get_no_label(plant: Station, printer: ZplPrinter, words: dict[str, str]) -> None:
     good_run(plant, **words)
     thread_of(plant).look()
@@ -142,7 +149,7 @@ def test_units_that_get_no_label(plant: Station, printer: ZplPrinter, words: dic
 
 
 def test_runs_from_before_labels_were_set_up_get_none(station: Station, printer: ZplPrinter) -> None:
-    store_run(station.data, "SN-1", [metric(0.4)])
+    good_run(station)
     set_up(station.data, printer.port)
     plant = dataclasses.replace(station, labels=load_labels(station.data))
     thread_of(plant).look()
@@ -266,7 +273,7 @@ def test_a_label_that_cannot_be_made_stops_the_line_and_says_why(station: Statio
 
 
 def test_a_changed_record_gets_no_label(plant: Station, printer: ZplPrinter) -> None:
-    run = store_run(plant.data, "SN-1", [metric(0.4)])
+    run = store_run(plant.data, "SN-1", [metric(0.4)], text=released_text(plant.data))
     (run.folder / "result.json").write_text("{}")
     thread_of(plant).look()
     found = stand(plant)

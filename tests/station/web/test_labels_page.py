@@ -9,7 +9,7 @@ import pytest
 from browser import needs_browser, opened, playwright
 from served import Served, prepared, served
 from stored_runs import metric, store_run
-from test_labels import set_up
+from test_labels import released_text, set_up
 from test_start_in_browser import SCAN
 from zpl_printer import ZplPrinter, printing
 
@@ -40,7 +40,7 @@ def page(bench: Served) -> Iterator[playwright.Page]:
 
 
 def seal(data: Path, serial: str) -> str:
-    return code_of(store_run(data, serial, [metric(0.4)]))
+    return code_of(store_run(data, serial, [metric(0.4)], text=released_text(data)))
 
 
 def test_the_label_is_scanned_before_the_next_unit(bench: Served, page: playwright.Page, printer: ZplPrinter) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 
 from station.errors import StationError
-from station.records.certificate_code import is_code
+from station.records.certificate_code import names_a_run
 from station.records.data_folder import LONGEST_SERIAL
 
 GS = "\x1d"
@@ -87,7 +87,7 @@ def _of_elements(text: str) -> str:
 
 
 def _checked(text: str) -> str:
-    if is_code(without_identifier(text)):
+    if names_a_run(text):
         raise ScanError("this is the code of a label or a certificate. Scan the code of the unit")
     if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
         raise ScanError(

@@ -16,7 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from station.errors import StationError
-from station.records.certificate_code import is_code
+from station.records.certificate_code import names_a_run
 from station.reports.result_text import VERDICT_STYLES
 from station.run.next_run import NextRun
 from station.web.labels import outbox
@@ -183,7 +183,7 @@ class Line:
         try:
             found = serial_of(scanned)
         except ScanError:
-            return is_code(scanned) or scanned.startswith(SYMBOLOGIES)
+            return names_a_run(scanned) or scanned.startswith(SYMBOLOGIES)
         digits = any(one.isdigit() for one in found)
         return found == serial or (" " not in found and digits and self._models.of(found) is not None)
 

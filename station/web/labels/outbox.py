@@ -290,7 +290,8 @@ class Printing:
         due = LABELS.c.sent_at.is_(None) & LABELS.c.done_at.is_(None) & (LABELS.c.label != "")
         with self._database.reading() as connection:
             row = connection.execute(select(LABELS).where(due).order_by(LABELS.c.number).limit(1)).first()
-        if row is None or row.next_s > WALL_CLOCK.now().timestamp():
+        # By no more than the wait: a clock that was set back meanwhile holds no label up.
+        if row is None or 0.0 < row.next_s - WALL_CLOCK.now().timestamp() <= WAIT_S:
             return
         try:
             self._print(row)

@@ -614,8 +614,10 @@ def test_a_scan_of_a_label_at_a_terminal_is_a_line_of_the_audit_trail(plant: Sta
 
 def test_the_code_of_a_label_is_no_serial_number(plant: Station) -> None:
     """Where labels are not set up any more, or the label is of another bench, and any text is a serial number."""
-    with pytest.raises(ScanError, match="label"):
-        serial_of(good_run(plant))
+    code = good_run(plant)
+    for scanned in (code, f"]Q1{code}", code.split(".", 2)[2], f"PASS {code}"):
+        with pytest.raises(ScanError, match="label"):
+            serial_of(scanned)
 
 
 @pytest.mark.usefixtures("printer")
@@ -633,3 +635,15 @@ def test_a_scanner_that_says_how_a_code_is_printed_reads_a_label(plant: Station)
 @pytest.mark.parametrize("quantity", ["", "1", "1,0", "1,0,1,Y", "1,,,N,Y"])
 def test_a_template_may_say_that_it_is_one_label(quantity: str) -> None:
     assert parse(f"^XA^CI28^PQ{quantity}^FH^FD{{serial}}^FS^XZ", "t").parts
+
+
+def test_a_clock_that_is_set_back_holds_no_label_up(plant: Station, printer: ZplPrinter) -> None:
+    printer.paper_out = True
+    good_run(plant)
+    thread = thread_of(plant)
+    thread.look()
+    printer.paper_out = False
+    with plant.database.writing() as connection:
+        connection.execute(LABELS.update().values(next_s=time.time() + 3600.0))
+    thread.look()
+    assert len(printer.printed) == 1

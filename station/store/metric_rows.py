@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, and_, func, select
 
-from station.store.projection import COMPLETE
+from station.store.plant.hours import COMPLETE
 from station.store.stored_runs import is_trusted
 from station.store.tables import METRICS, RUNS
 from station.store.view import View

@@ -23,7 +23,7 @@ from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import alterations, is_sealed, sealed_names
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
-from station.store.plant.hours import count_hours, hour_of, hours_of
+from station.store.plant.hours import COMPLETE, count_hours, hour_of, hours_of
 from station.store.plant.months import make_months
 from station.store.plant.retests import note_retests, serials_of
 
@@ -34,8 +34,6 @@ Row = dict[str, object]
 """A row for the database, by the names of its columns, whose types stand in `tables`."""
 
 Rows = dict[Table, list[Row]]
-
-COMPLETE = "complete"
 
 OUTPUT_TORQUE = "output torque"
 MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"

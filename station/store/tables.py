@@ -305,5 +305,17 @@ METRIC_HOURS = _of_a_chain(
 `failed`: of runs that failed, how often this failed in them.
 """
 
+CAUSE_HOURS = _of_a_chain(
+    "cause_hours",
+    *(_key(name) for name in ("kind", "hour", "bench", "recipe")),
+    _key("revision", Integer),
+    *(_key(name) for name in ("model", "operator", "key")),
+    _key("virtual", Boolean),
+    _key("name"),
+    Column("runs", Integer, nullable=False),
+    Index("cause_hours_hour", "chain", "hour"),
+)
+"""How many runs of the production that began in an hour an alarm came in, or have no verdict by a cause of a kind."""
+
 OF_A_RUN = (ATTEMPTS, RUNS, METRICS, CHECKS, ALARMS, CALIBRATIONS)
 """Tables with rows of single runs."""

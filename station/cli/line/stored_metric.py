@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from station.errors import StationError
 from station.store.metric_rows import MetricRow, Place, RunThatDoesNotCount
-from station.store.projection import COMPLETE
+from station.store.plant.hours import COMPLETE
 from station.store.stored_runs import is_trusted
 from station.store.view import View
 

@@ -23,7 +23,7 @@ from station.quality.dfq.fields import (
     SPECIFIED,
     VALID,
 )
-from station.store.projection import COMPLETE
+from station.store.plant.hours import COMPLETE
 from station.store.quality.lot import Lot, Production
 from station.store.quality.values import MEANING, Characteristic, characteristics, metrics_of_run
 from station.store.tables import METRICS, RUNS

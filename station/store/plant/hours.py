@@ -27,11 +27,16 @@ from sqlalchemy import (
     select,
 )
 
-from station.store.tables import METRIC_HOURS, METRICS, RUN_HOURS, RUNS
+from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, METRIC_HOURS, METRICS, RUN_HOURS, RUNS
 
 HOUR_DIGITS = len("2026-01-31T06")
 FIRST_ATTEMPT = 1
-FAIL = "FAIL"
+FAIL, UNDECIDED = "FAIL", "NOT DECIDABLE"
+COMPLETE = "complete"
+ALARM, CHECK, UNNAMED, NEAR = "alarm", "check", "unnamed", "near"
+"""Kinds of cause: an alarm in a run of any attempt; of first attempts without a verdict the checks that they did not
+pass, measurements that are invalid by none, and metrics too near their limits."""
+
 MOST_AT_ONCE = 200
 """Hours and runs that one statement names."""
 
@@ -81,10 +86,11 @@ def count_hours(connection: Connection, chain: str, hours: Collection[str]) -> N
     there = sorted(hours)
     for begin in range(0, len(there), MOST_AT_ONCE):
         some = there[begin : begin + MOST_AT_ONCE]
-        for table in (RUN_HOURS, METRIC_HOURS):
+        for table in (RUN_HOURS, METRIC_HOURS, CAUSE_HOURS):
             connection.execute(delete(table).where(table.c.chain == chain, table.c.hour.in_(some)))
         _count_runs(connection, chain, some)
         _count_metrics(connection, chain, some)
+        _count_causes(connection, chain, some)
 
 
 def count_all_hours(connection: Connection) -> None:
@@ -126,6 +132,34 @@ def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None
     ]
     if rows:
         connection.execute(insert(METRIC_HOURS), rows)
+
+
+def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
+    here = (RUNS.c.chain == chain) & RUNS.c.hour.in_(hours) & RUNS.c.in_production
+    no_verdict = here & (RUNS.c.attempt == FIRST_ATTEMPT) & (RUNS.c.verdict == UNDECIDED)
+    ended = no_verdict & (RUNS.c.state == COMPLETE)
+    failed = CHECKS.c.passed.is_(False)
+    named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
+    near = METRICS.c.main & (METRICS.c.verdict == UNDECIDED)
+    runs = func.count(RUNS.c.run.distinct())
+    for kind, name, table, number, condition in (
+        (ALARM, func.coalesce(ALARMS.c.id, "None"), ALARMS, runs, here),
+        (CHECK, CHECKS.c.id, CHECKS, func.count(), ended & failed),
+        (UNNAMED, literal_column("''"), None, func.count(), ended & (RUNS.c.objection != "") & ~named),
+        (NEAR, METRICS.c.metric, METRICS, func.count(), no_verdict & RUNS.c.valid & near),
+    ):
+        dims = [_known(one).label(one) for one in (*OF_RUNS, "virtual")]
+        asked = select(RUNS.c.chain, literal_column(f"'{kind}'"), *dims, name, number)
+        asked = asked.select_from(RUNS if table is None else RUNS.join(table, _of_the_run(table))).where(condition)
+        places = (1, *range(3, 3 + len(dims)), *(() if table is None else (3 + len(dims),)))
+        counted = asked.group_by(*(literal_column(str(place)) for place in places))
+        names = ["chain", "kind", *OF_RUNS, "virtual", "name", "runs"]
+        connection.execute(insert(CAUSE_HOURS).from_select(names, counted))
+
+
+def _of_the_run(table: Table) -> ColumnElement[bool]:
+    found: ColumnElement[bool] = (table.c.chain == RUNS.c.chain) & (table.c.run == RUNS.c.run)
+    return found
 
 
 def _sums(values: Iterable[float]) -> dict[str, float]:

@@ -17,6 +17,7 @@ ROWS = {
     "checks": 10 * MANY,
     "alarms": MANY // 10,
     "run_hours": MANY // 10,
+    "cause_hours": MANY // 10,
     "runs_again": MANY // 10,
 }
 """Rows of tables and of indexes of a part of one; of the others `MANY`."""

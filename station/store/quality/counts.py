@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
@@ -10,12 +10,20 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, case, func, select
 
 from station.errors import StationError
-from station.store.plant.hours import FAIL, FIRST_ATTEMPT, NO_REVISION, whole_hours
-from station.store.projection import COMPLETE
+from station.store.plant.hours import (
+    ALARM,
+    CHECK,
+    COMPLETE,
+    FAIL,
+    FIRST_ATTEMPT,
+    NEAR,
+    NO_REVISION,
+    UNDECIDED,
+    UNNAMED,
+    whole_hours,
+)
 from station.store.quality.lot import Columns, Lot, Production
-from station.store.tables import ALARMS, CHECKS, METRIC_HOURS, METRICS, OF_AGAIN, RUNS
-
-UNDECIDED = "NOT DECIDABLE"
+from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, METRIC_HOURS, METRICS, OF_AGAIN, RUNS
 
 SHIFT_HOURS = 8
 SHIFTS_BEGIN = 6
@@ -131,22 +139,26 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
         key = runs.c.chain if group is None else group.column(runs)  # the same for all where no grouping is asked for
         return key, runs.c.state, runs.c.verdict
 
-    found: dict[str, LotYield] = {}
     names: dict[Any, str] = {}  # of a year there are 8760 hours, and few months
+    totals: dict[tuple[str, str, str | None], list[int]] = defaultdict(lambda: [0, 0])
 
-    def add(value: Any, state: str, verdict: str | None, *numbers: int) -> None:
+    def add(value: Any, state: str, verdict: str | None, first: int, final: int) -> None:
         name = names.get(value)
         if name is None:
             name = names[value] = "" if group is None else group.name(value)
-        before = found.get(name, LotYield.nothing())
-        parts = (one.plus(state, verdict, number) for one, number in zip(before, numbers, strict=True))
-        found[name] = LotYield(*parts)
+        total = totals[name, state, verdict]
+        total[0] += first
+        total[1] += final
 
     for value, state, verdict, number in production.connection.execute(production.counted(counted, lot)):
         add(value, state, verdict, number, number)
     for value, state, verdict, number in production.connection.execute(_as_they_left(production, lot, counted)):
         add(value, state, verdict, 0, number)
-    return {name: found[name] for name in sorted(found)}
+    found: dict[str, LotYield] = {}
+    for (name, state, verdict), numbers in sorted(totals.items(), key=lambda item: item[0][0]):
+        before = found.get(name, LotYield.nothing())
+        found[name] = LotYield(*(one.plus(state, verdict, each) for one, each in zip(before, numbers, strict=True)))
+    return found
 
 
 def _as_they_left(production: Production, lot: Lot, columns: Columns) -> Select[Any]:
@@ -203,6 +215,8 @@ def failures(production: Production, lot: Lot) -> Counter[FailedMetric]:
 
 def alarms(production: Production, lot: Lot) -> Counter[str]:
     """Return in how many runs of any attempt each alarm came: alarms are of the bench, and it measures retests too."""
+    if whole_hours(lot.since, lot.until):
+        return _causes(production, lot, ALARM)
     number = func.count(ALARMS.c.run.distinct())
     asked = select(ALARMS.c.id, number).select_from(ALARMS).join(RUNS, _together(RUNS, ALARMS))
     asked = production.of(asked, lot, attempts=None).where(ALARMS.c.chain == production.chain.id)
@@ -217,6 +231,10 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     """
     states = production.connection.execute(production.counted(lambda runs: (runs.c.state,), lot))
     found = Counter({f"ended as {state}": int(number) for state, number in states if state != COMPLETE})
+    if whole_hours(lot.since, lot.until):
+        for kind, text in ((CHECK, "check {}"), (UNNAMED, "measurement invalid"), (NEAR, "{} too near its limit")):
+            found += Counter({text.format(name): number for name, number in _causes(production, lot, kind).items()})
+        return found
     runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.state == COMPLETE, said=())
     checks = select(CHECKS.c.id, func.count()).select_from(runs).join(CHECKS, _together(runs, CHECKS))
     checks = checks.where(CHECKS.c.passed.is_(False))
@@ -230,6 +248,12 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     metrics = metrics.where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)
     near = _pairs(production, metrics, METRICS.c.metric)
     return found + Counter({f"{name} too near its limit": number for name, number in near})
+
+
+def _causes(production: Production, lot: Lot, kind: str) -> Counter[str]:
+    asked = select(CAUSE_HOURS.c.name, func.sum(CAUSE_HOURS.c.runs)).where(CAUSE_HOURS.c.kind == kind)
+    rows = production.connection.execute(production.of_hours(asked, CAUSE_HOURS, lot).group_by(CAUSE_HOURS.c.name))
+    return Counter({str(name): int(number) for name, number in rows})
 
 
 def _pairs(production: Production, asked: Any, column: ColumnElement[Any]) -> list[tuple[str, int]]:

@@ -58,7 +58,6 @@ def test_a_table_that_is_read_as_a_whole_is_refused(
         sizes = sizes_of(connection)
         plan = plan_of(connection, sent[0])
         found = full_scans(plan, sizes)
-    assert "whole months of metrics" in found
     assert [one for one in found if one.endswith("rows of metrics")]
     small = Sizes(dict.fromkeys(sizes.rows, 100), sizes.whole)
     assert full_scans(plan, small) == []

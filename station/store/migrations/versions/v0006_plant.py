@@ -129,3 +129,14 @@ def _make_hours(text: sa.Text) -> None:
         sqlite_with_rowid=False,
     )
     op.create_index("metric_hours_hour", "metric_hours", ["chain", "hour"])
+    op.create_table(
+        "cause_hours",
+        *keys("chain", "kind", "hour", "bench", "recipe"),
+        sa.Column("revision", sa.Integer(), primary_key=True, autoincrement=False),
+        *keys("model", "operator", "key"),
+        *flags("virtual"),
+        *keys("name"),
+        sa.Column("runs", sa.Integer(), nullable=False),
+        sqlite_with_rowid=False,
+    )
+    op.create_index("cause_hours_hour", "cause_hours", ["chain", "hour"])

@@ -97,7 +97,7 @@ class PrintedLabels(NoLabels):
                 return ""
             told = {"scanned": text, "at": "lostmotion line"}
             try:
-                found = outbox.read_back(connection, self._labels, text, self._operator)
+                found = outbox.read_back(connection, self._data, self._labels, text, self._operator)
             except outbox.WrongLabelError as error:
                 audit.write(connection, self._operator, "read_label", audit.REFUSED, told | {"reasons": [str(error)]})
                 return f"REFUSED  {error}"

@@ -180,7 +180,7 @@ def is_label(connection: Connection, scanned: str) -> bool:
     return connection.execute(found).first() is not None
 
 
-def read_back(connection: Connection, labels: Labels, scanned: str, name: str) -> Awaited:
+def read_back(connection: Connection, data: Path, labels: Labels, scanned: str, name: str) -> Awaited:
     """Note that the awaited label was read on its unit; return it.
 
     Raises:
@@ -201,7 +201,7 @@ def read_back(connection: Connection, labels: Labels, scanned: str, name: str) -
     if found is None:
         raise WrongLabelError("This is no label of this bench. Scan the label that was printed for the unit.")
     serial = found.serial
-    if found.why.startswith(MEASURED_AGAIN):
+    if measured_again(data, found):
         raise WrongLabelError(f"Unit {serial} was measured again, so this is an old label. Take it off.")
     if now is None:
         raise WrongLabelError(f"The label of unit {serial} was read before. Scan the next unit.")

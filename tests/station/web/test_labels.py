@@ -482,6 +482,10 @@ def test_the_old_label_of_a_unit_that_was_measured_again_is_told(plant: Station,
     assert "old label" in operator.post("read_label", {"scanned": first}).json()["refused"][0]["text"]
     assert operator.post("read_label", {"scanned": second}).status_code == 200
     assert len(printer.printed) == 2
+    good_run(plant, failed="too wide")
+    thread.look()
+    for code in (first, second):
+        assert "old label" in operator.post("read_label", {"scanned": code}).json()["refused"][0]["text"]
 
 
 def test_runs_that_nobody_looked_at_get_no_labels_by_themselves_but_the_newest(

@@ -146,12 +146,18 @@ def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
         )
 
 
+class Table(Response):
+    """An answer that the document tells of as a table."""
+
+    media_type = "text/csv"
+
+
 def add_run_table(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoint of the table of runs; as `add_runs`."""
 
     @app.get(
         "/api/runs.csv", summary="runs with their metrics, oldest first, a row a run, as a table for a spreadsheet",
-        tags=["runs"], **answers(200, 401, 403, 422, 503),
+        tags=["runs"], response_class=Table, **answers(200, 401, 403, 422, 503),
     )  # fmt: skip
     def table(  # noqa: PLR0917 - every one is named in the address
         token: CookieToken = None,

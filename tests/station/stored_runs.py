@@ -47,12 +47,13 @@ def store_run(
     key: str | None = None,
     master: str | None = None,
     study: StudyPlace | None = None,
+    text: bytes = b"r\n",
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names. master: verdict that the unit, a master part, should have. study: step of
-    a guided study that it measures.
+    a guided study that it measures. text: of its recipe.
     """
     setup = replace(
         SETUP,
@@ -62,7 +63,7 @@ def store_run(
         scenario=scenario,
         study=study,
     )
-    run = Store(data).create(serial, setup, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
+    run = Store(data).create(serial, setup, {"recipe.yaml": text, "bench.yaml": b"b\n"})
     run.samples.touch()
     sha = {part: fingerprint(run.folder / f"{part}.yaml").sha256 for part in ("recipe", "bench")}
     verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"

@@ -27,11 +27,14 @@ MEANING = {
 }  # fmt: skip
 
 
-def answers(*statuses: int, ok: type[BaseModel] | None = None) -> Documented:
-    """Return what the document says of the answers of an endpoint."""
+def answers(*statuses: int, ok: type[BaseModel] | None = None, media: str = "") -> Documented:
+    """Return what the document says of the answers of an endpoint; media: of one that answers with a file."""
     told: dict[int | str, Documented] = {one: {"model": Refused, "description": MEANING[one]} for one in statuses}
     told[200] = {"description": MEANING[200], **({} if ok is None else {"model": ok})}
-    return {"responses": told}
+    if not media:
+        return {"responses": told}
+    told[200]["content"] = {media.partition(";")[0]: {}}
+    return {"responses": told, "response_class": Response}
 
 
 def refused_with(status: int, name: str, words: str) -> Response:

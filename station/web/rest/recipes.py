@@ -19,6 +19,7 @@ from station.web.recipe_text.check import look_at
 from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
 from station.web.station import Station
 
+YAML = "application/yaml"
 Number = Annotated[int, InPath(ge=1, le=1_000_000)]
 
 
@@ -60,7 +61,7 @@ def add_recipes(app: FastAPI, station: Station, refuse: Refuse) -> None:
 
     @app.get(
         "/api/recipes/{name}/{revision}.yaml", summary="the text of a revision", tags=["recipes"],
-        **answers(200, 401, 403, 404, 409, 422, 503),
+        **answers(200, 401, 403, 404, 409, 422, 503, media=YAML),
     )  # fmt: skip
     def text(name: Name, revision: Number, token: CookieToken = None) -> Response:
         return refuse(token) or _of_text(station, name, revision, lambda content: _as_file(name, revision, content))
@@ -96,7 +97,7 @@ def _of_text(station: Station, name: str, revision: int, answer: Callable[[bytes
 
 def _as_file(name: str, revision: int, content: bytes) -> Response:
     headers = {"Content-Disposition": f'attachment; filename="{name}-r{revision}.yaml"'}
-    return Response(content, media_type="application/yaml", headers=headers)
+    return Response(content, media_type=YAML, headers=headers)
 
 
 def _checked(station: Station, content: bytes) -> Response:

@@ -29,6 +29,7 @@ from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
 from station.web.station import Station
 
 LONGEST_TEXT = 100
+CSV = "text/csv; charset=utf-8"
 MOST_IN_TABLE = 20_000
 """Runs in a table that the server makes beside its work; the command has no such limit."""
 
@@ -140,7 +141,7 @@ def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
             return refused_with(NOT_NOW, "run", str(error))
 
     for path, row in FILES.items():
-        told = answers(200, 401, 403, 404, 409, 503)
+        told = answers(200, 401, 403, 404, 409, 503, media=row.media)
         app.get(f"/api/runs/{{run}}/{path}", summary=row.text, tags=["runs"], name=path, **told)(
             _file_endpoint(station, refuse, row)
         )
@@ -151,7 +152,7 @@ def add_run_table(app: FastAPI, station: Station, refuse: Refuse) -> None:
 
     @app.get(
         "/api/runs.csv", summary="runs with their metrics, oldest first, a row a run, as a table for a spreadsheet",
-        tags=["runs"], **answers(200, 401, 403, 422, 503),
+        tags=["runs"], **answers(200, 401, 403, 422, 503, media=CSV),
     )  # fmt: skip
     def table(  # noqa: PLR0917 - every one is named in the address
         token: CookieToken = None,
@@ -178,7 +179,7 @@ def add_run_table(app: FastAPI, station: Station, refuse: Refuse) -> None:
         with look_at(station.data) as view:
             text = MARK + csv_of(run_table(view, wanted), LOCALES[locale])
         kept = {"Content-Disposition": 'attachment; filename="runs.csv"'}
-        return Response(text.encode(), media_type="text/csv; charset=utf-8", headers=kept)
+        return Response(text.encode(), media_type=CSV, headers=kept)
 
 
 def _file_endpoint(station: Station, refuse: Refuse, row: RunFile) -> Callable[..., Response]:

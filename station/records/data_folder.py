@@ -128,6 +128,7 @@ class Store:
                     period_ns=setup.period_ns,
                     recovery_of=setup.recovery_of,
                     left=setup.left,
+                    study=setup.study,
                     verdict=None,
                     notes=setup.notes,
                     ring=None,

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from station.bench.request import Job, Source
 from station.bench.virtual_unit import VirtualUnit
-from station.documents.manifest import BenchSource, RecipeSource, Setup, Unit
+from station.documents.manifest import BenchSource, RecipeSource, Setup, StudyPlace, Unit
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
 from station.records.program_file import PROGRAM, plain_program
@@ -29,6 +29,7 @@ class Wanted(NamedTuple):
     operator: str | None
     clock: str
     retest_reason: str | None = None
+    study: StudyPlace | None = None
 
 
 def bench_source(job: Job) -> BenchSource:
@@ -74,6 +75,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         retest_reason=wanted.retest_reason,
         clock=wanted.clock,
         period_ns=recipe.sampling.period_ns,
+        study=wanted.study,
         notes=(*notes, *job.drive_notes),
     )
     files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}

@@ -207,7 +207,7 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "altered": "\n".join(altered),
         "seen": seen(f"{run.folder}/{MANIFEST}"),
         "seen_files": seen_files(run),
-        "in_production": not (master or manifest.scenario or altered),
+        "in_production": not (master or manifest.scenario or altered or manifest.study),
         "valid": said["state"] == COMPLETE and not (objected or altered),
         "hour": hour_of(manifest.started),
         "again": False,

@@ -20,6 +20,7 @@ class StoredRun(NamedTuple):
     """A concluded run; the names are those of the columns. Its verdict counts only where `believed` leaves it.
 
     master: of a master part, the verdict that it should have; '' for a product. altered: a line for each alteration.
+    in_production: of a product, and of no guided study; False for altered runs too.
     """
 
     run: str
@@ -44,6 +45,7 @@ class StoredRun(NamedTuple):
     key: str | None
     seen: str
     seen_files: str
+    in_production: bool = True
 
 
 MOST_NAMED = 500

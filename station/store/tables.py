@@ -179,7 +179,8 @@ RUNS = _of_a_chain(
 
 `master`: of a master part, the verdict that it should have; '' for a product.
 
-`in_production`: unaltered, of a product, without injected faults. `valid`: unaltered, complete, its measurement valid.
+`in_production`: unaltered, of a product, without injected faults, of no guided study. `valid`: unaltered, complete, its
+measurement valid.
 `hour`: of its start, in UTC, as in 2026-01-31T06. `again`: its unit was measured more than once; see `plant.retests`.
 
 `seen`, `seen_files`: size, times and inode of the files that were compared. `runs_quality` holds all that statistics of

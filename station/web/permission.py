@@ -16,6 +16,7 @@ from recipes import RecipeError
 from station.bench.request import Job, load_job
 from station.documents.manifest import MASTER, EarlierAttempt
 from station.errors import StationError
+from station.quality.guided.progress import look, place_of
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
 from station.records.recipe_revisions import History, Revision, RevisionError
@@ -36,10 +37,15 @@ SLACK = timedelta(minutes=2)
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for: a serial number, and why it is measured again where it was before."""
+    """What is asked for: a serial number, and why it is measured again where it was before.
+
+    study: the guided study whose next step it is to be, '' for none; operator: who measures it.
+    """
 
     serial: str
     retest_reason: str = ""
+    study: str = ""
+    operator: str = ""
 
 
 @dataclass(frozen=True)
@@ -49,6 +55,7 @@ class Situation:
     release: the released revision that the recipe is, letter by letter; None where its text is not released.
     previous_step: what the MES says of the unit; None where the plant has set up no MES.
     label: which label is not on its unit yet, in words; '' where none is awaited.
+    study: why it is not the next step of the study that is asked for, in words; '' where it is, or none is asked for.
     """
 
     data: Path
@@ -65,6 +72,7 @@ class Situation:
     scanner_tested: bool = True
     jogging: bool = False
     label: str = ""
+    study: str = ""
 
     @property
     def is_master_part(self) -> bool:
@@ -117,10 +125,20 @@ def situation_of(
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
     bad = unconfirmed(data, confirmed)
+    study = "" if not wanted.study or job is None else _why_not_next(data, wanted, job)
     return Situation(
         data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
-        jogging=jog_is_on(data), label=label,
+        jogging=jog_is_on(data), label=label, study=study,
     )  # fmt: skip
+
+
+def _why_not_next(data: Path, wanted: Wanted, job: Job) -> str:
+    """Return why a unit is not the next step of a study, '' where it is."""
+    try:
+        place_of(look(data, wanted.study), wanted.serial, wanted.operator, job)
+    except StationError as error:
+        return f"{error}."
+    return ""
 
 
 def likely_first(data: Path, models: Models) -> tuple[str, str]:
@@ -159,12 +177,15 @@ def unconfirmed(data: Path, confirmed: frozenset[str]) -> str:
 
 
 def may_be_bad(run: RunRecord) -> bool:
-    """Say whether the unit of a run failed; a run that cannot be read may have failed too. A bad master part should."""
+    """Say whether the unit of a run failed; a run that cannot be read may have failed too. A bad master part should.
+
+    A unit of a study is measured again: it is the study's, and no unit of the production that goes into a box.
+    """
     try:
         manifest = run.manifest()
     except StationError:
         return True
-    return manifest.verdict == "FAIL" and manifest.unit.master != "FAIL"
+    return manifest.verdict == "FAIL" and manifest.unit.master != "FAIL" and manifest.study is None
 
 
 def _bench_free(one: Situation) -> str | None:
@@ -236,8 +257,13 @@ def _label_read(one: Situation) -> str | None:
     return one.label or None
 
 
+def _study_step(one: Situation) -> str | None:
+    return one.study or None
+
+
 def _attempts_left(one: Situation) -> str | None:
-    if one.model is None or one.is_master_part or _measured(one) < one.model.attempts:
+    # A study says how often its units are measured, and is the reason for it.
+    if one.model is None or one.is_master_part or one.wanted.study or _measured(one) < one.model.attempts:
         return None
     measured = f"This unit was measured {_measured(one)} times ({_told(one.before)})"
     return f"{measured}; {one.model.attempts} are allowed. Call the technician."
@@ -245,7 +271,7 @@ def _attempts_left(one: Situation) -> str | None:
 
 def _retest_reason(one: Situation) -> str | None:
     over = one.model is None or _measured(one) >= one.model.attempts
-    if not one.before or over or one.is_master_part or one.wanted.retest_reason.strip():
+    if not one.before or over or one.is_master_part or one.wanted.study or one.wanted.retest_reason.strip():
         return None
     return f"This unit was measured before ({_told(one.before)}). Measuring it again needs a reason."
 
@@ -329,6 +355,7 @@ CONDITIONS: tuple[Condition, ...] = (
     Condition("recipe_released", "a second person has released this text of the recipe", _recipe_released),
     Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
     Condition("label_read", "the label of the last unit was read back on it", _label_read, may_be_bypassed=True),
+    Condition("study_step", "the unit and the operator are those of the study's next step", _study_step),
     Condition(
         "attempts_left", "the unit was measured fewer times than its model allows", _attempts_left, may_be_bypassed=True
     ),

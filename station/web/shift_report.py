@@ -85,7 +85,8 @@ def shift_of(
     rows: runs from `begin` on, oldest first. alarms: of them, as `alarms_of`. Both moments in UTC as runs have them.
     """
     runs = [row.run for row in rows if row.run.scenario is None and begin <= str(row.run.started) < end]
-    production = [run for run in runs if not run.master]
+    # An altered run is none of the production either, and stays here with no verdict: somebody has to look at it.
+    production = [run for run in runs if not run.master and (run.in_production or run.altered)]
     first = [run for run in production if run.attempt == 1]
     final = {run.serial: run for run in production}
     said = connection.execute(select(AUDIT).where(AUDIT.c.at < end).order_by(AUDIT.c.number))

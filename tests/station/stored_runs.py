@@ -11,7 +11,7 @@ from typing import Any
 from station_samples import SETUP
 
 from station.documents.entries import plain
-from station.documents.manifest import RecipeSource, Unit
+from station.documents.manifest import RecipeSource, StudyPlace, Unit
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import fingerprint, seal
@@ -47,12 +47,13 @@ def store_run(
     key: str | None = None,
     master: str | None = None,
     text: bytes = b"r\n",
+    study: StudyPlace | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names. master: verdict that the unit, a master part, should have.
-    text: of its recipe.
+    text: of its recipe. study: step of a guided study that it measures.
     """
     setup = replace(
         SETUP,
@@ -60,6 +61,7 @@ def store_run(
         recipe=RecipeSource(name=recipe, revision=revision, sha256=""),
         operator=operator,
         scenario=scenario,
+        study=study,
     )
     run = Store(data).create(serial, setup, {"recipe.yaml": text, "bench.yaml": b"b\n"})
     run.samples.touch()

@@ -98,7 +98,7 @@ def gage(
         anova=anova,
         average_range=ranges,
     )
-    blocks = _blocks(design, anova, ranges, unit, level)
+    blocks = gage_blocks(design, anova, ranges, unit, level)
     return say(document, [*blocks, *of_sides, *values.notes()], as_json=as_json)
 
 
@@ -194,7 +194,10 @@ def _interval(one: Interval, unit: str, digits: int = 4) -> tuple[str, str]:
     return figure(one.value, unit, digits), f"{figure(one.low, '', 3)} … {figure(one.high, '', 3)}"
 
 
-def _blocks(design: GageDesign, anova: GageStudy, ranges: AverageRange, unit: str, level: float) -> list[str | Grid]:
+def gage_blocks(
+    design: GageDesign, anova: GageStudy, ranges: AverageRange, unit: str, level: float
+) -> list[str | Grid]:
+    """Return a gage study for a person, by variance and by average and range."""
     parts, operators, trials = design.values.shape
     rows: list[tuple[str, ...]] = []
     for key, name in SPREADS.items():

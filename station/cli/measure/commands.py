@@ -78,6 +78,10 @@ def run(
     note: Annotated[
         list[str] | None, typer.Option("--note", metavar="TEXT", help="A note for record and report; repeatable.")
     ] = None,
+    study: Annotated[
+        str | None,
+        typer.Option("--study", metavar="NAME", help="Measure the next step of this guided study; not production."),
+    ] = None,
     report: ReportOption = None,
     judged: Annotated[
         list[str] | None,
@@ -109,6 +113,7 @@ def run(
         report=report,
         retest_reason=retest_reason,
         notes=tuple(note or ()),
+        study=study,
         wall_clock=wall_clock,
         fast=pace is Pace.fast,
         judged=tuple(judged or ()),

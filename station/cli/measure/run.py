@@ -15,6 +15,7 @@ from recipes import Recipe
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.entries import plain
+from station.documents.manifest import StudyPlace
 from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
@@ -72,6 +73,8 @@ class Options:
     """What else is to stand in record and report, such as a start condition that was bypassed."""
     fast: bool = False
     """Whether scans follow each other without waiting for deadlines, on a bench that waits for them."""
+    study: str | None = None
+    """Name of the guided study whose next step this run measures."""
     judged: tuple[str, ...] = ()
     """SHA-256 of the recipe and the bench that the start was allowed for; nothing where nobody was asked."""
 
@@ -105,8 +108,10 @@ def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
     refuse_full_disk(options.data, job)
     _check_key(job)
     _put_in_order(Store(options.data), job)
+    study = None if options.study is None else _study_step(options, serial, scenario, job)
     notes = [*(check_note(one) for one in options.notes), *recipe_notes(options.data, job)]
-    wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, options.retest_reason)
+    notes += [] if study is None else [f"{study}: not production"]
+    wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, _reason(options, serial, study), study)
     record = new_record(options.data, job, wanted, notes=notes)
     for note in record.manifest().notes:
         sys.stderr.write(f"WARNING  {note}\n")
@@ -155,6 +160,27 @@ def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None,
     if shown is None and not as_json:
         sys.stdout.write(f"report  lostmotion report {record.folder}\n")
     return exit_code(result)
+
+
+def _study_step(options: Options, serial: str, scenario: Source | None, job: Job) -> StudyPlace:
+    """Return the step of a guided study that this run measures.
+
+    Raises:
+        StationError: another unit, operator, recipe or bench is next, or faults are to be injected.
+
+    """
+    from station.quality.guided.progress import look, place_of  # noqa: PLC0415 - for studies only
+
+    if scenario is not None:
+        raise StationError("--scenario: a run with injected faults is no measurement of a study. Leave it out")
+    return place_of(look(options.data, options.study or ""), serial, options.operator, job)
+
+
+def _reason(options: Options, serial: str, study: StudyPlace | None) -> str | None:
+    """Return why the unit is measured again: of a unit that was measured before, the study is the reason."""
+    if study is None or options.retest_reason is not None or not Store(options.data).attempts_of(serial):
+        return options.retest_reason
+    return str(study)
 
 
 def _refuse_another(judged: tuple[str, ...], job: Job) -> None:

@@ -18,6 +18,7 @@ from station.cli.options import (
     RecipeFilter,
     SideOption,
 )
+from station.cli.quality.study_commands import guided_app
 
 if TYPE_CHECKING:
     from station.store.quality.lot import Lot
@@ -26,6 +27,7 @@ quality_app = typer.Typer(
     help="Quality of a production: yield, causes, capability, control charts, trends, type 1 study.",
     no_args_is_help=True,
 )
+quality_app.add_typer(guided_app, name="study")
 
 ModelFilter = Annotated[str | None, typer.Option("--model", metavar="NAME", help="Only units of this model.")]
 BenchFilter = Annotated[

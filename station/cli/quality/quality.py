@@ -13,7 +13,7 @@ from station.cli.line.line_statistics import figure
 from station.cli.say import Grid, say
 from station.documents.entries import plain
 from station.documents.result import Limits
-from station.quality.bench_ability import Part, type_one_of
+from station.quality.bench_ability import Part, TypeOneFigure, type_one_of
 from station.quality.figures import (
     CapabilityRow,
     YieldRow,
@@ -237,7 +237,13 @@ def print_type_one(  # noqa: PLR0917 - what is asked for
     """Print a type 1 study; return 0, or 1 for a gage that is not capable. Raises as `type_one_of`."""
     with production(data) as look:
         found = type_one_of(look, part, reference, tolerance, share / 100.0, level)
-    one, unit = found.study, found.series.metric.unit
+    say(found, type_one_blocks(found, share, level), as_json=as_json)
+    return 0 if found.study.capable else NOT_SO
+
+
+def type_one_blocks(found: TypeOneFigure, share: float, level: float) -> list[str | Grid]:
+    """Return a type 1 study for a person; share of the tolerance in %."""
+    part, one, unit = found.part, found.study, found.series.metric.unit
     rows = [
         ("tolerance", figure(one.tolerance, unit), found.tolerance_from),
         ("reference", figure(one.reference, unit), ""),
@@ -258,9 +264,7 @@ def print_type_one(  # noqa: PLR0917 - what is asked for
     few = f"usually {USUAL} measurements are made; these are {one.measurements}"
     blocks += [few] if one.measurements < USUAL else []
     blocks += ["readings are resolved too coarsely: more than 5 % of the tolerance"] if not one.fine_enough else []
-    blocks += ["VIRTUAL: units of the virtual bench"] if part.virtual else []
-    say(found, blocks, as_json=as_json)
-    return 0 if one.capable else NOT_SO
+    return blocks + (["VIRTUAL: units of the virtual bench"] if part.virtual else [])
 
 
 def print_trial(data: Path, lot: Lot, tried: Tried, person: str | None, *, as_json: bool) -> int:

@@ -15,6 +15,13 @@ Entries of the same form tell what became of the revisions of recipes, in a file
 | `recipe_asked` | a person asked that the draft be released |
 | `recipe_released` | a person who is none of its authors released it |
 
+And so do those of a guided study, in a file for each (`studies`):
+
+| kind | says |
+|---|---|
+| `study_begun` | a person began a study by this plan |
+| `study_taken` | a run, by the hash of its run.json, is the measurement of a step |
+
 The signature covers the line up to the signature itself. The order of the first fields is part of the format: runs and
 serial numbers are found by it without reading every line.
 """
@@ -31,6 +38,7 @@ from station.records.chain.keys import BenchKey, signed_by
 
 START, CREATED, SEALED, LOST, REMOVED = "start", "created", "sealed", "lost", "removed"
 RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED = "recipe_saved", "recipe_asked", "recipe_released"
+STUDY_BEGUN, STUDY_TAKEN = "study_begun", "study_taken"
 FIELDS: dict[str, tuple[str, ...]] = {
     START: ("chain", "before", "replaces"),
     CREATED: ("run", "serial", "attempt", "recipe", "bench"),
@@ -40,6 +48,8 @@ FIELDS: dict[str, tuple[str, ...]] = {
     RECIPE_SAVED: ("name", "revision", "recipe", "person"),
     RECIPE_ASKED: ("name", "revision", "recipe", "person"),
     RECIPE_RELEASED: ("name", "revision", "recipe", "person"),
+    STUDY_BEGUN: ("name", "plan", "person"),
+    STUDY_TAKEN: ("name", "step", "run", "sha256", "person"),
 }
 """What an entry of each kind has, beside what every entry has."""
 
@@ -61,7 +71,7 @@ _TEXTS = (
     "rule",
     "trace",
 )
-_NUMBERS = ("counter", "attempt", "first", "last", "revision")
+_NUMBERS = ("counter", "attempt", "first", "last", "revision", "step")
 _BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}
 _REPLACES: dict[str, type] = {"chain": str, "counter": int, "sha256": str}
 
@@ -135,6 +145,7 @@ def _sound(fields: Fields) -> bool:
         and all(type(fields[name]) is int for name in _NUMBERS if name in fields)
         and isinstance(fields.get("verdict"), str | None)
         and isinstance(fields.get("created"), int | None)
+        and isinstance(fields.get("plan"), dict | None)
         and _block(fields.get("before"), _BEFORE)
         and all(isinstance(run, str) for run in (fields.get("before") or {}).get("unconcluded", ()))
         and _block(fields.get("replaces"), _REPLACES)

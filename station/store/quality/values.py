@@ -136,11 +136,17 @@ def values(production: Production, lot: Lot, what: Characteristic, side: str) ->
     return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
 
 
-def part_runs(production: Production, serial: str, bench: str | None, *, virtual: bool) -> Subquery:
-    """Return the valid runs of one unit, a master part or not, without injected faults; all its attempts."""
+def part_runs(
+    production: Production, serial: str, bench: str | None, *, virtual: bool, only: Sequence[str] | None = None
+) -> Subquery:
+    """Return the valid runs of one unit, a master part or not, without injected faults; all its attempts.
+
+    only: ids of the runs that are meant; None: all.
+    """
     columns = (RUNS.c.chain, *(RUNS.c[name] for name in ("run", "serial", "started", "bench")))
     asked = select(*columns).where(RUNS.c.chain == production.chain.id, RUNS.c.serial == serial, RUNS.c.valid)
     asked = asked.where(RUNS.c.scenario.is_(None), RUNS.c.virtual.is_(virtual), production.trusted())
+    asked = asked if only is None else asked.where(RUNS.c.run.in_(only))
     return (asked if bench is None else asked.where(RUNS.c.bench == bench)).subquery()
 
 

@@ -47,6 +47,7 @@ def start_run(call: Call, given: Start) -> RunStarted:
         options += ["--note", note]
     if "previous_step_passed" not in used and (unverified := unverified_note(now)) is not None:
         options += ["--note", unverified]
+    options += ["--study", given.study] if given.study else []
     options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
     station.running.start(options, serial, now.likely)
     return RunStarted(serial=serial, model=model.model, recipe=model.recipe)
@@ -55,8 +56,9 @@ def start_run(call: Call, given: Start) -> RunStarted:
 def _situation(call: Call, given: Start) -> Situation:
     station, serial = call.station, serial_of(given.scanned)
     step = None if station.mes is None else previous_step(call.connection, station.mes, serial)
+    wanted = Wanted(serial, given.retest_reason, given.study, call.person.name)
     return situation_of(
-        station.data, station.models, Wanted(serial, given.retest_reason), busy=station.running.busy(),
+        station.data, station.models, wanted, busy=station.running.busy(),
         confirmed=_confirmed(call.connection), previous_step=step,
         scanner_tested=is_tested(call.connection, station.settings.scanner_test), label=awaited_label(call),
     )  # fmt: skip

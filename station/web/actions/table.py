@@ -59,7 +59,7 @@ ACTIONS: dict[str, Action] = {
     row.id: row
     for row in (
         Action("start_run", "measure the scanned unit", MAY_START, Start, runs.start_run, RunStarted, seen.bench,
-               ("scanned", "retest_reason"), reaches_out=True),
+               ("scanned", "retest_reason", "study"), reaches_out=True),
         Action("ask_permission", "say whether a unit may be measured now, and if not, why", MAY_START, Start,
                runs.ask_permission, Permission, seen.bench, ("scanned",)),
         Action("announce_unit", "say whether a unit passed its previous process step", frozenset({MES}), Announced,

@@ -24,10 +24,11 @@ class Nothing(Values):
 
 
 class Start(Values):
-    """What was scanned, and why the unit is measured again where it was before."""
+    """What was scanned, and why the unit is measured again where it was before; study: whose next step it is."""
 
     scanned: str = Field(max_length=512)
     retest_reason: str = Field(default="", max_length=200)
+    study: str = Field(default="", max_length=40)
 
 
 class Scanned(Values):

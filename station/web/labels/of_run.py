@@ -21,8 +21,8 @@ from station.web.labels.template import LabelError, Source, filled
 
 COMPLETE = "complete"
 NO_LABEL = (
-    "Master parts, virtual units, and runs that did not complete, had faults injected or have a recipe that is not "
-    "released get none"
+    "Master parts, virtual units, and runs that did not complete, had faults injected, are part of a study or have a "
+    "recipe that is not released get none"
 )
 
 
@@ -77,11 +77,12 @@ def _wait_for_its_name(record: RunRecord) -> None:
 
 
 def gets_label(data: Path, manifest: Manifest, labels: Labels) -> bool:
-    """Say whether the unit of a run gets a label: by its verdict, and never a master part or a run with faults.
+    """Say whether the unit of a run gets a label: by its verdict, and never a master part, a study or a run with faults.
 
     Nor does one whose limits nobody has released, as a technician's trial by `lostmotion run`.
     """
     counts = manifest.state == COMPLETE and manifest.unit.master is None and manifest.scenario is None
+    counts = counts and manifest.study is None
     real = labels.settings.virtual_units or not manifest_badges(manifest)
     if not (counts and real and manifest.verdict in labels.templates):
         return False

@@ -36,6 +36,7 @@ def whole(tmp_path: Path) -> dict[str, Any]:
     found["bench"] |= {"file": "b.yaml", "public_key": "k"}
     found["unit"] = found["unit"] | {"noise_seed": 1, "master": "PASS"}
     earlier = {"attempt": 1, "run": "r", "state": "complete", "verdict": "FAIL", "failed": ["Backlash"]}
+    more |= {"study": {"name": "grr-1", "plan": "0", "step": 1, "steps": 8}}
     more |= {"before": [earlier], "retest_reason": "seating of the unit"}
     return copy.deepcopy(found | more | {"left": LEFT, "operator": "A", "scenario": "s.yaml"})
 

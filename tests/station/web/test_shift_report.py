@@ -25,7 +25,7 @@ BEGIN, END = "2026-01-05T06:00:00.000+00:00", "2026-01-05T14:00:00.000+00:00"
 
 
 def stored(**entries: Any) -> StoredRun:
-    return StoredRun(**dict.fromkeys(StoredRun._fields, "") | entries)
+    return StoredRun(**dict.fromkeys(StoredRun._fields, "") | {"in_production": True} | entries)
 
 
 def row(serial: str, attempt: int, verdict: str | None, hour: int, **more: str | None) -> RunTableRow:

@@ -34,6 +34,7 @@ from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 from station.web.scanner import GS, ScanError, serial_of
 
+STUDY_STEP = "study g, step 1 of 8: found unit SN-1; unit SN-2 is next. Put that one on the bench."
 FAILED_BEFORE = PreviousStep("failed", away=False, silent_s=1.0, may_be_unverified=True)
 
 
@@ -78,6 +79,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "recipe_released": dataclasses.replace(good, release=None),
         "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
         "label_read": dataclasses.replace(good, label=str(Awaited("R0", "SN-0", PRINTED))),
+        "study_step": dataclasses.replace(good, study=STUDY_STEP),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
         "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
         "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),
@@ -114,6 +116,19 @@ def test_all_reasons_are_told_at_once(good: Situation) -> None:
     both = dataclasses.replace(good, before=(run(1),), unconfirmed="R1")
     assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_reason"]
     assert [name for name, _ in refusals(dataclasses.replace(both, busy=True))] == ["bench_free"]
+
+
+def test_a_study_is_the_reason_and_says_how_often_its_units_are_measured(good: Situation) -> None:
+    often = (run(1, "FAIL"), run(2, "FAIL"), run(3, "FAIL"))
+    assert refusals(dataclasses.replace(good, before=often, wanted=Wanted("SN-1", study="g", operator="Anna"))) == []
+
+
+def test_a_study_that_is_not_there_measures_nothing(good: Situation) -> None:
+    wanted = Wanted("SN-1", study="g", operator="Anna")
+    models = load_models(good.data, None)
+    ((name, why),) = refusals(situation_of(good.data, models, wanted, busy=False, confirmed=frozenset()))
+    assert name == "study_step"
+    assert "there is no such study; found are none" in why
 
 
 def test_a_retest_needs_a_reason_and_has_an_end(good: Situation) -> None:

@@ -22,6 +22,7 @@ from station.web.actions.perform import perform
 from station.web.actions.row import BAD_INPUT, NOT_ALLOWED, NOT_ENTERED, NOT_READY, Action
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import Refused, refusal
+from station.web.aqdef.outbox import waiting as aqdef_waiting
 from station.web.bypasses import bypasses_now
 from station.web.guard import Keep
 from station.web.labels.outbox import awaited
@@ -164,6 +165,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             bypasses = [str(one) for one in bypasses_now(connection)]
             left = None if station.mes is None else waiting(connection)
             label = None if station.labels is None else awaited(connection, station.labels)
+            files = None if station.aqdef is None else aqdef_waiting(connection)
         return JSONResponse({
             "stage": found.stage, "serial": found.serial, "run": found.run, "attempt": found.attempt,
             "recipe": found.recipe, "refused": found.refused, "altered": list(found.altered),
@@ -176,6 +178,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "bypasses": bypasses,
             "label": None if label is None else label._asdict(),
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
+            "aqdef": None if files is None else files._asdict(),
         })  # fmt: skip
 
     @app.get(

@@ -28,7 +28,7 @@ from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.people import add_people
-from station.web.pages.quality import add_quality_page
+from station.web.pages.quality.page import add_quality_page
 from station.web.pages.recipes.page import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page

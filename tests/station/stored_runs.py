@@ -46,6 +46,7 @@ def store_run(
     failed: str | None = None,
     key: str | None = None,
     master: str | None = None,
+    recipe_text: bytes = b"r\n",
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
@@ -59,7 +60,7 @@ def store_run(
         operator=operator,
         scenario=scenario,
     )
-    run = Store(data).create(serial, setup, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
+    run = Store(data).create(serial, setup, {"recipe.yaml": recipe_text, "bench.yaml": b"b\n"})
     run.samples.touch()
     sha = {part: fingerprint(run.folder / f"{part}.yaml").sha256 for part in ("recipe", "bench")}
     verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"

@@ -40,6 +40,7 @@ from station.web.people.accounts import (
 )
 from station.web.people.badges import PinNeededError, enter_by_badge
 from station.web.rest.answers import CookieToken, answers, not_entered, refused_with
+from station.web.rest.batch import add_batch
 from station.web.rest.recipes import add_recipes
 from station.web.rest.runs import add_certificates, add_run_table, add_runs
 from station.web.station import Station
@@ -103,6 +104,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     add_runs(app, station, refuse)
     add_run_table(app, station, refuse)
     add_certificates(app, station, refuse)
+    add_batch(app, station, refuse)
     add_recipes(app, station, refuse)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)

@@ -136,7 +136,10 @@ class Decision(Section):
         return value
 
 
-Instruction = Annotated[str, StringConstraints(max_length=120, pattern=r"^[^\x00-\x1f\x7f]*$")]
+ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069]*$"
+"""Without what moves a terminal's cursor, ends a line, or shows characters in another order than they stand."""
+
+Instruction = Annotated[str, StringConstraints(max_length=120, pattern=ONE_LINE)]
 """What a person at the bench does next: one line, as large as a screen shows it from afar."""
 
 

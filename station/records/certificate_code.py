@@ -29,6 +29,9 @@ LONGEST_CODE = 400
 _CODE = re.compile(r"LM1\.([0-9a-f]{64})\.(.+)", re.IGNORECASE)
 """Full stops divide it: a scanner sends them alike on the keyboards of most countries."""
 
+_RUN = re.compile(r"\b20[0-9]{6}T[0-9]{6}\.[0-9]{3}Z-.")
+"""How the id of a run begins: with the moment of its start."""
+
 
 class CodeError(StationError):
     """A text that is no code of a certificate."""
@@ -62,6 +65,11 @@ def _hash(run: RunRecord) -> str:
             return hashlib.sha256(file.read()).hexdigest()
     except OSError as error:
         raise refused(path, error, "read") from error
+
+
+def names_a_run(text: str) -> bool:
+    """Say whether a text has a code or the id of a run in it, as labels and certificates have: no unit is called so."""
+    return _CODE.search(text) is not None or _RUN.search(text) is not None
 
 
 def check_code(data: Path, text: str) -> CheckedCode:

@@ -29,7 +29,13 @@ def sealed_since(data: Path, offset: int) -> tuple[list[Fields], int]:
     content = _content(data, offset)
     end = content.rfind(b"\n") + 1
     entries: Iterator[Fields] = map(json.loads, content[:end].splitlines())
-    return [fields for fields in entries if fields.get("kind") == SEALED], offset + end
+    try:
+        return [fields for fields in entries if fields.get("kind") == SEALED], offset + end
+    except (ValueError, AttributeError):
+        raise StationError(
+            f"{data / CHAIN}: has no whole line behind byte {offset}. Restore it from a backup: no results are sent "
+            "until then"
+        ) from None
 
 
 def result_of(data: Path, name: str) -> tuple[Sequence[str], Result | None]:

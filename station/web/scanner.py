@@ -9,11 +9,15 @@ from __future__ import annotations
 import re
 
 from station.errors import StationError
+from station.records.certificate_code import names_a_run
 from station.records.data_folder import LONGEST_SERIAL
 
 GS = "\x1d"
 SYMBOLOGIES = ("]C1", "]e0", "]d2", "]Q3", "]J1")
 """GS1-128, GS1 DataBar, GS1 DataMatrix, GS1 QR Code, GS1 DotCode."""
+
+IDENTIFIER = re.compile(r"\][A-Za-z][0-9A-Za-z]")
+"""What a scanner may be set to send in front of every code: the identifier of its symbology."""
 
 FIXED = {"00": 18, "01": 14, "02": 14, "11": 6, "12": 6, "13": 6, "15": 6, "16": 6, "17": 6, "20": 2}
 """Digits of the elements of fixed length, by application identifier: no separator stands behind them."""
@@ -33,7 +37,8 @@ def serial_of(scanned: str) -> str:
     """Return the serial number in what was scanned; carriage return, line feed, tabs and blanks around it do not count.
 
     Raises:
-        ScanError: it is empty, too long, has characters that no scanner sends, or is a GS1 code without serial number.
+        ScanError: it is empty, too long, has characters that no scanner sends, is a GS1 code without serial number, or
+            is the code of a label or a certificate.
 
     """
     text = scanned.strip("\r\n\t \x00")
@@ -45,6 +50,13 @@ def serial_of(scanned: str) -> str:
             raise ScanError(f"{text[:60]!r}: is a GS1 text without a serial number (21). Scan the code of the unit")
         return _checked(found[SERIAL])
     return _checked(text)
+
+
+def without_identifier(scanned: str) -> str:
+    """Return the text of a code that is no unit's, as of a label: without what only says how it was printed."""
+    text = scanned.strip()
+    found = IDENTIFIER.match(text)
+    return text if found is None else text[found.end() :]
 
 
 def _of_elements(text: str) -> str:
@@ -75,6 +87,8 @@ def _of_elements(text: str) -> str:
 
 
 def _checked(text: str) -> str:
+    if names_a_run(text):
+        raise ScanError("this is the code of a label or a certificate. Scan the code of the unit")
     if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
         raise ScanError(
             f"{text[:40]!r}: is not a serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters. "

@@ -18,7 +18,7 @@ from station.errors import StationError
 from station.web.aqdef.outbox import Writer
 from station.web.aqdef.settings import load_aqdef
 from station.web.guard import Guard
-from station.web.labels.outbox import Printing
+from station.web.labels.outbox import NOT_SET_UP, Printing, not_set_up
 from station.web.labels.settings import load_labels
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
@@ -40,6 +40,9 @@ from station.web.rest.app import keeper_of, rest_of
 from station.web.running import Running
 from station.web.settings import load_settings
 from station.web.station import Station
+
+THE_SERVER = "lostmotion serve"
+"""Name in the audit trail of what the server does by itself."""
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -74,6 +77,8 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     try:
         with database.writing() as connection:
             audit.tell_cut_off(connection)
+            if labels is None and (runs := not_set_up(connection)):
+                audit.write(connection, THE_SERVER, "set_label_aside", audit.DONE, {"runs": runs, "reason": NOT_SET_UP})
             password = first_password(connection)
             # within the transaction: the password of an account that was just made would be lost
             _refuse_unready(served, changed=first_is_changed(connection))

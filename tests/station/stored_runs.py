@@ -46,12 +46,13 @@ def store_run(
     failed: str | None = None,
     key: str | None = None,
     master: str | None = None,
-    recipe_text: bytes = b"r\n",
+    text: bytes = b"r\n",
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names. master: verdict that the unit, a master part, should have.
+    text: of its recipe.
     """
     setup = replace(
         SETUP,
@@ -60,7 +61,7 @@ def store_run(
         operator=operator,
         scenario=scenario,
     )
-    run = Store(data).create(serial, setup, {"recipe.yaml": recipe_text, "bench.yaml": b"b\n"})
+    run = Store(data).create(serial, setup, {"recipe.yaml": text, "bench.yaml": b"b\n"})
     run.samples.touch()
     sha = {part: fingerprint(run.folder / f"{part}.yaml").sha256 for part in ("recipe", "bench")}
     verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"

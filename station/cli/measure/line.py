@@ -16,6 +16,7 @@ from functools import partial
 from pathlib import Path
 
 from station.errors import StationError
+from station.records.certificate_code import names_a_run
 from station.reports.result_text import VERDICT_STYLES
 from station.run.next_run import NextRun
 from station.web.labels import outbox
@@ -23,9 +24,10 @@ from station.web.labels.settings import Labels, load_labels
 from station.web.mes.previous_step import PreviousStep, previous_step
 from station.web.mes.settings import load_mes
 from station.web.models import Models, load_models
+from station.web.people import audit
 from station.web.people.database import StationDatabase
 from station.web.permission import Situation, Wanted, likely_first, refusals, situation_of, unconfirmed, unverified_note
-from station.web.scanner import ScanError, serial_of
+from station.web.scanner import SYMBOLOGIES, ScanError, serial_of
 
 NOK = "NOK"
 """What is scanned from the box for bad units, or typed, once a bad unit is in it."""
@@ -61,6 +63,10 @@ class NoLabels:
         """Return why the next unit has to wait for a label, in words; '' where it has not."""
         return ""
 
+    def knows(self, scanned: str) -> bool:  # noqa: ARG002 - as below
+        """Say whether a scanned text is that of a label."""
+        return False
+
     def read(self, scanned: str) -> str:  # noqa: ARG002 - a bench with labels looks at it
         """Take a scanned text as a label; return what became of it, '' where it is none."""
         return ""
@@ -78,15 +84,25 @@ class PrintedLabels(NoLabels):
         with self._database.reading() as connection:
             return outbox.why_not_next(connection, self._data, self._labels)
 
+    def knows(self, scanned: str) -> bool:
+        """Say whether a scanned text is that of a label."""
+        with self._database.reading() as connection:
+            return outbox.is_label(connection, scanned.strip())
+
     def read(self, scanned: str) -> str:
         """Note that the awaited label was read on its unit, or say which one was scanned."""
+        text = scanned.strip()
         with self._database.writing() as connection:
-            if not outbox.is_label(connection, scanned.strip()):
+            if not outbox.is_label(connection, text):
                 return ""
+            told = {"scanned": text, "at": "lostmotion line"}
             try:
-                found = outbox.read_back(connection, self._labels, scanned.strip(), self._operator)
+                found = outbox.read_back(connection, self._data, self._labels, text, self._operator)
             except outbox.WrongLabelError as error:
+                audit.write(connection, self._operator, "read_label", audit.REFUSED, told | {"reasons": [str(error)]})
                 return f"REFUSED  {error}"
+            told |= {"run": found.run, "serial": found.serial}
+            audit.write(connection, self._operator, "read_label", audit.DONE, told)
         return f"The label of unit {found.serial} is on it. {DO['PASS']}"
 
 
@@ -127,10 +143,7 @@ class Line:
         self.has_run = False
         if self._needs_reason:
             serial, self._needs_reason = self._needs_reason, ""
-            if not scanned.strip():
-                self._say(f"{serial} is not measured again. {DO['PASS']}")
-                return
-            self._measure(Wanted(serial, scanned.strip()))
+            self._again(serial, scanned.strip())
             return
         if not scanned.strip():
             return
@@ -148,6 +161,31 @@ class Line:
             self._say(f"REFUSED  {error}")
             return
         self._measure(Wanted(serial))
+
+    def _again(self, serial: str, reason: str) -> None:
+        """Measure a unit again for a reason, or leave it alone."""
+        if not reason:
+            self._say(f"{serial} is not measured again. {DO['PASS']}")
+        elif self._is_code(serial, reason):
+            self._say(
+                f"REFUSED  {reason[:60]!r} is no reason, so {serial} is not measured again. Scan the unit on the bench"
+            )
+        else:
+            self._measure(Wanted(serial, reason))
+
+    def _is_code(self, serial: str, scanned: str) -> bool:
+        """Say whether what was scanned in place of a reason is the code of a unit, of the box or of a label.
+
+        Another unit may be on the bench by now, and would be measured as the one before.
+        """
+        if scanned.upper() == NOK or self._labels.knows(scanned):
+            return True
+        try:
+            found = serial_of(scanned)
+        except ScanError:
+            return names_a_run(scanned) or scanned.startswith(SYMBOLOGIES)
+        digits = any(one.isdigit() for one in found)
+        return found == serial or (" " not in found and digits and self._models.of(found) is not None)
 
     def refuse(self, scanned: Sequence[str]) -> None:
         """Say that what was scanned during a run was not taken."""

@@ -79,7 +79,7 @@ def labels_preview(
     from station.errors import StationError
     from station.records.data_folder import Store
     from station.results.sealed_runs import result_of
-    from station.web.labels.outbox import label_of
+    from station.web.labels.of_run import label_of
 
     labels = _labels(data)
     record = Store(data).find(run)

@@ -19,7 +19,7 @@ def read_label(call: Call, given: Scanned) -> LabelTold:
     """Note that the awaited label was read on its unit; NotNowError: it is another one."""
     labels = _labels(call)
     try:
-        found = outbox.read_back(call.connection, labels, given.scanned.strip(), call.person.name)
+        found = outbox.read_back(call.connection, call.station.data, labels, given.scanned, call.person.name)
     except StationError as error:
         raise NotNowError([("label", str(error))]) from error
     return LabelTold(run=found.run, serial=found.serial)

@@ -155,7 +155,9 @@ def _write(database: StationDatabase, settings: AqdefSettings, *, at_once: bool)
     """Write what is due, the oldest file first; a folder that does not take one is not asked for the others."""
     due = AQDEF_FILES.c.stage == MADE
     if not at_once:
-        due &= AQDEF_FILES.c.next_s <= WALL_CLOCK.now().timestamp()
+        now_s = WALL_CLOCK.now().timestamp()
+        # a wait longer than any: the clock was set back meanwhile
+        due &= (AQDEF_FILES.c.next_s <= now_s) | (AQDEF_FILES.c.next_s > now_s + LONGEST_WAIT_S)
     with database.reading() as connection:
         rows = list(
             connection.execute(select(AQDEF_FILES.c.number).where(due).order_by(AQDEF_FILES.c.number)).scalars()

@@ -14,28 +14,36 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, insert, select, update
+from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
-from station.documents.manifest import Manifest
-from station.documents.result import Result
 from station.errors import StationError
-from station.records.certificate_code import code_of
+from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.results.sealed_runs import chain_end, result_of, sealed_since
 from station.wall_clock import WALL_CLOCK, now_text
+from station.web.labels.of_run import NotYetError, label_for, label_of
 from station.web.labels.printer import Line, PrinterError, connected
 from station.web.labels.settings import Labels
-from station.web.labels.template import LabelError, Source, filled
+from station.web.labels.template import LabelError
 from station.web.people.database import LABELS, LABELS_READ, StationDatabase
+from station.web.scanner import without_identifier
 
 LOOK_EVERY_S = 0.3
 WAIT_S = 2.0
 """Wait before a printer that could not print is asked again."""
 
+LONGEST_END_S = 5.0
+"""For how long the end of the server waits for the printer's answer."""
+
 ASK_EVERY_S = 0.1
 """How often a printer is asked whether the label has come out."""
 
 TO_PRINT, SENT, PRINTED, NOT_MADE = "to print", "sent", "printed", "not made"
+
+NOT_SET_UP, MEASURED_AGAIN = "labels.yaml was taken away", "measured again"
+NOT_ASKED = "labels.yaml asks for no scan"
+NOBODY_PRINTED = "sealed while nobody printed labels, and not the newest run"
+"""Why a label is not awaited that nobody has read or set aside."""
 
 
 class Awaited(NamedTuple):
@@ -50,6 +58,8 @@ class Awaited(NamedTuple):
         label = f"The label of unit {self.serial}"
         if self.stage == NOT_MADE:
             return f"{label} cannot be made: {self.trouble}. Call the technician."
+        if self.stage == TO_PRINT and self.trouble == MEASURED_AGAIN:
+            return f"{label} is not printed: the unit is being measured again."
         if self.stage == TO_PRINT and self.trouble:
             return f"{label} is not printed. {self.trouble}. It is printed then."
         if self.stage == TO_PRINT:
@@ -60,15 +70,36 @@ class Awaited(NamedTuple):
         return f"{label} was not read yet. Put it on the unit and scan it."
 
 
-def begin_here(database: StationDatabase, data: Path) -> None:
-    """Note where the chain ends when labels are set up: earlier runs get none."""
+def begin_here(database: StationDatabase, data: Path, labels: Labels | None = None) -> None:
+    """Note where the chain ends when labels are set up: earlier runs get none.
+
+    labels: as they are set up now. Where no scan is asked for, none is later of those that are printed by now.
+    """
     with database.writing() as connection:
+        if labels is not None and labels.settings.read_back is None:
+            printed = LABELS.c.done_at.is_(None) & LABELS.c.printed_at.is_not(None)
+            connection.execute(update(LABELS).where(printed).values(done_at=now_text(), why=NOT_ASKED, label=""))
         if connection.execute(select(LABELS_READ.c.offset)).first() is None:
             connection.execute(insert(LABELS_READ).values(number=1, offset=chain_end(data)))
 
 
-def collect(database: StationDatabase, data: Path, labels: Labels) -> int:
+def not_set_up(connection: Connection) -> list[str]:
+    """Forget where the chain was read, as labels are set up no more; return the runs whose labels are not awaited now.
+
+    Else whoever sets them up again gets labels of units that have long left, one after the other.
+    """
+    connection.execute(delete(LABELS_READ))
+    left = LABELS.c.done_at.is_(None)
+    runs = list(connection.execute(select(LABELS.c.run).where(left).order_by(LABELS.c.number)).scalars())
+    connection.execute(update(LABELS).where(left).values(done_at=now_text(), why=NOT_SET_UP, label=""))
+    return runs
+
+
+def collect(database: StationDatabase, data: Path, labels: Labels, *, at_start: bool = False) -> int:
     """Make a label for each run that was sealed since the last look and gets one; return how many.
+
+    A label of the same unit from before counts no more. at_start: nobody has looked for a while, so only the newest run
+    can be of a unit that is still at the bench; the labels of others are printed by whoever asks for them.
 
     Raises:
         StationError: the chain or the database cannot be read.
@@ -79,59 +110,23 @@ def collect(database: StationDatabase, data: Path, labels: Labels) -> int:
     sealed, end = sealed_since(data, offset)
     if end == offset:
         return 0
-    made = [row for fields in sealed if (row := _made(data, fields["run"], labels)) is not None]
+    made = [label_for(data, fields, labels) for fields in sealed]
     with database.writing() as connection:
         taken = update(LABELS_READ).where(LABELS_READ.c.offset == offset).values(offset=end)
         if not connection.execute(taken).rowcount:
             return 0
-        for row in made:
-            if connection.execute(select(LABELS.c.number).where(LABELS.c.run == row.run)).first() is None:
-                connection.execute(insert(LABELS).values(**row._asdict(), copy=1, next_s=0.0, done_by="", why=""))
-    return len(made)
-
-
-class _NewLabel(NamedTuple):
-    """A label that is to be printed; one that cannot be made has no text, and says why."""
-
-    run: str
-    serial: str
-    label: str = ""
-    reads_as: str = ""
-    trouble: str = ""
-
-
-def _made(data: Path, run: str, labels: Labels) -> _NewLabel | None:
-    """Return the label of a run; None where it gets none."""
-    altered, result = result_of(data, run)
-    try:
-        manifest = RunRecord(data / run).manifest()
-    except StationError as error:
-        sys.stderr.write(f"labels  run {run} gets no label: {error}\n")
-        return None
-    if not gets_label(manifest, labels):
-        return None
-    try:
-        if result is None:
-            raise LabelError(altered[0] if altered else "the run has no result")
-        return _NewLabel(run, manifest.serial, *label_of(data, manifest, result, labels, 1))
-    except StationError as error:
-        return _NewLabel(run, manifest.serial, trouble=str(error))
-
-
-def gets_label(manifest: Manifest, labels: Labels) -> bool:
-    """Say whether the unit of a run gets a label: by its verdict, and never a master part or a run with faults."""
-    counts = manifest.state == "complete" and manifest.unit.master is None and manifest.scenario is None
-    return counts and manifest.verdict in labels.templates
-
-
-def label_of(data: Path, manifest: Manifest, result: Result, labels: Labels, copy: int) -> tuple[str, str]:
-    """Return the label of a run in ZPL, and what a scan of it reads; LabelError where it cannot be made."""
-    template = labels.templates.get(manifest.verdict or "")
-    if template is None:
-        raise LabelError(f"run {manifest.id}: units with {manifest.verdict or 'no verdict'} get no label")
-    source = Source(manifest, result, code_of(RunRecord(data / manifest.id)), copy)
-    wanted = labels.settings.read_back
-    return template.fill(source), "" if wanted is None else filled(wanted, source)
+        for fields, row in zip(sealed, made, strict=True):
+            run = str(fields["run"])
+            before = (LABELS.c.serial == fields["serial"]) & (LABELS.c.run < run) & LABELS.c.done_at.is_(None)
+            again = {"done_at": now_text(), "why": f"{MEASURED_AGAIN}: {run}", "label": ""}
+            connection.execute(update(LABELS).where(before).values(**again))
+            if row is None or connection.execute(select(LABELS.c.number).where(LABELS.c.run == run)).first():
+                continue
+            left = at_start and fields is not sealed[-1]
+            gone = {"done_at": now_text(), "why": NOBODY_PRINTED, "label": ""} if left else {}
+            new = {**row._asdict(), "copy": 1, "next_s": 0.0, "done_by": "", "why": ""}
+            connection.execute(insert(LABELS).values(**new | gone))
+    return sum(row is not None for row in made)
 
 
 def awaited(connection: Connection, labels: Labels) -> Awaited | None:
@@ -180,18 +175,20 @@ class WrongLabelError(StationError):
 
 def is_label(connection: Connection, scanned: str) -> bool:
     """Say whether a scanned text is that of a label of this station."""
-    return connection.execute(select(LABELS.c.number).where(LABELS.c.reads_as == scanned).limit(1)).first() is not None
+    text = without_identifier(scanned)
+    found = select(LABELS.c.number).where(LABELS.c.reads_as == text, LABELS.c.reads_as != "").limit(1)
+    return connection.execute(found).first() is not None
 
 
-def read_back(connection: Connection, labels: Labels, scanned: str, name: str) -> Awaited:
+def read_back(connection: Connection, data: Path, labels: Labels, scanned: str, name: str) -> Awaited:
     """Note that the awaited label was read on its unit; return it.
 
     Raises:
         WrongLabelError: it is the label of another unit, one that was read before, or none is awaited.
 
     """
-    now = _oldest(connection, labels)
-    if now is not None and now.reads_as == scanned:
+    scanned, now = without_identifier(scanned), _oldest(connection, labels)
+    if now is not None and scanned and now.reads_as == scanned:
         if now.sent_at is None:
             raise WrongLabelError(
                 f"The label of unit {now.serial} is not printed yet, so this is an old one. Throw it away."
@@ -199,10 +196,13 @@ def read_back(connection: Connection, labels: Labels, scanned: str, name: str) -
         values = {"done_at": now_text(), "done_by": name, "printed_at": now.printed_at or now_text(), "label": ""}
         connection.execute(update(LABELS).where(LABELS.c.number == now.number).values(**values))
         return Awaited(now.run, now.serial, PRINTED)
-    same = select(LABELS.c.serial).where(LABELS.c.reads_as == scanned).order_by(LABELS.c.number.desc()).limit(1)
-    serial = connection.execute(same).scalar()
-    if serial is None:
+    same = select(LABELS).where(LABELS.c.reads_as == scanned, LABELS.c.reads_as != "").order_by(LABELS.c.number.desc())
+    found = connection.execute(same.limit(1)).first()
+    if found is None:
         raise WrongLabelError("This is no label of this bench. Scan the label that was printed for the unit.")
+    serial = found.serial
+    if measured_again(data, found):
+        raise WrongLabelError(f"Unit {serial} was measured again, so this is an old label. Take it off.")
     if now is None:
         raise WrongLabelError(f"The label of unit {serial} was read before. Scan the next unit.")
     raise WrongLabelError(
@@ -222,6 +222,8 @@ def print_again(connection: Connection, data: Path, labels: Labels, run: str) ->
         raise LabelError(f"Run {run[:80]!r} has no label.")
     if row.label and row.sent_at is None:
         raise LabelError(f"The label of unit {row.serial} waits for the printer already. {row.trouble}".strip())
+    if measured_again(data, row):
+        raise LabelError(f"Unit {row.serial} was measured again. This label does not count any more.")
     altered, result = result_of(data, run)
     if result is None:
         raise LabelError(f"Run {run}: {altered[0] if altered else 'has no result'}. No label is made of it.")
@@ -231,6 +233,11 @@ def print_again(connection: Connection, data: Path, labels: Labels, run: str) ->
     anew |= {"sent_at": None, "printed_at": None, "done_at": None, "done_by": "", "why": ""}
     connection.execute(update(LABELS).where(LABELS.c.number == row.number).values(**anew))
     return int(copy)
+
+
+def measured_again(data: Path, row: Any) -> bool:
+    """Whether a run of the same unit was begun after that of a label, which says nothing of the unit then."""
+    return any(one.run > row.run for one in Store(data).attempts_of(row.serial))
 
 
 def set_aside(connection: Connection, run: str, name: str, why: str) -> None:
@@ -247,9 +254,9 @@ class Printing:
     def __init__(self, database: StationDatabase, data: Path, labels: Labels) -> None:
         """Prepare it."""
         self._database, self._data, self._labels = database, data, labels
-        self._end = Event()
+        self._end, self._at_start = Event(), True
         self._thread = Thread(target=self._loop, name="labels", daemon=True)
-        begin_here(database, data)
+        begin_here(database, data, labels)
 
     def start(self) -> None:
         """Begin to print."""
@@ -259,7 +266,8 @@ class Printing:
         """End: what is not printed is kept for the next start."""
         self._end.set()
         if self._thread.ident is not None:
-            self._thread.join(timeout=2.0 * self._labels.settings.printer.timeout_s + LOOK_EVERY_S)
+            # Whoever ends the server does not wait for a slow printer: what it was sent is noted as sent.
+            self._thread.join(timeout=min(self._labels.settings.printer.timeout_s, LONGEST_END_S) + LOOK_EVERY_S)
 
     def _loop(self) -> None:
         told = ""
@@ -267,7 +275,9 @@ class Printing:
             try:
                 self.look()
                 why = ""
-            except StationError as error:
+            except NotYetError:
+                why = ""
+            except (StationError, ValueError, LookupError, OSError) as error:
                 why = f"labels  none is printed: {error}\n"  # it is looked at again
             if why != told:
                 sys.stderr.write(why)
@@ -275,11 +285,13 @@ class Printing:
 
     def look(self) -> None:
         """Collect what is new, and print the oldest label that is due."""
-        collect(self._database, self._data, self._labels)
+        collect(self._database, self._data, self._labels, at_start=self._at_start)
+        self._at_start = False
         due = LABELS.c.sent_at.is_(None) & LABELS.c.done_at.is_(None) & (LABELS.c.label != "")
         with self._database.reading() as connection:
             row = connection.execute(select(LABELS).where(due).order_by(LABELS.c.number).limit(1)).first()
-        if row is None or row.next_s > WALL_CLOCK.now().timestamp():
+        # By no more than the wait: a clock that was set back meanwhile holds no label up.
+        if row is None or 0.0 < row.next_s - WALL_CLOCK.now().timestamp() <= WAIT_S:
             return
         try:
             self._print(row)
@@ -294,6 +306,8 @@ class Printing:
                 raise PrinterError(status.trouble)
             if status.waiting:
                 raise PrinterError("The printer still has other labels to print. Wait, or switch it off and on")
+            if measured_again(self._data, row):
+                raise PrinterError(MEASURED_AGAIN)
             if not self._taken(row):
                 return
             line.send(row.label)
@@ -311,7 +325,8 @@ class Printing:
         while True:
             status = line.status()
             if status.idle:
-                self._note(row, printed_at=now_text(), trouble="")
+                done = {} if row.reads_as else {"done_at": now_text(), "label": ""}  # nobody is asked to read it
+                self._note(row, printed_at=now_text(), trouble="", **done)
                 return
             self._note(row, trouble=status.trouble)
             if time.monotonic() > end_s or self._end.wait(ASK_EVERY_S):

@@ -7,6 +7,7 @@ ribbon, or with its head open, may give no answer at all.
 from __future__ import annotations
 
 import socket
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NamedTuple
@@ -17,6 +18,7 @@ ASK = b"~HS"
 STX, ETX = b"\x02", b"\x03"
 LINES = 3
 LONGEST_ANSWER = 1024
+LEAST_WAIT_S = 0.001
 
 FIRST = ("settings", "paper_out", "paused", "length", "waiting", "buffer_full", "diagnostic", "partial", "unused",
          "memory_lost", "too_cold", "too_hot")  # fmt: skip
@@ -70,15 +72,18 @@ def parse_status(answer: bytes) -> Status:
 class Line:
     """An open connection to a printer."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        self._connection = connection
+    def __init__(self, connection: socket.socket, timeout_s: float) -> None:
+        self._connection, self._timeout_s = connection, timeout_s
 
     def status(self) -> Status:
-        """Ask for its state; PrinterError where it gives none."""
+        """Ask for its state; PrinterError where it gives none in time, however many parts of one it gives."""
+        end_s = time.monotonic() + self._timeout_s
         try:
+            self._connection.settimeout(self._timeout_s)
             self._connection.sendall(ASK)
             answer = b""
             while answer.count(ETX) < LINES:
+                self._connection.settimeout(max(end_s - time.monotonic(), LEAST_WAIT_S))
                 got = self._connection.recv(LONGEST_ANSWER)
                 if not got or len(answer) > LONGEST_ANSWER:
                     raise PrinterError("The printer ended the connection. Switch it off and on")
@@ -92,6 +97,7 @@ class Line:
     def send(self, label: str) -> None:
         """Send a label; PrinterError where it may not have arrived as a whole."""
         try:
+            self._connection.settimeout(self._timeout_s)
             self._connection.sendall(label.encode("utf-8"))
         except OSError as error:
             raise PrinterError(f"The connection to the printer is lost: {error.strerror}. Check its cable") from error
@@ -102,8 +108,8 @@ def connected(host: str, port: int, timeout_s: float) -> Iterator[Line]:
     """Connect to a printer; PrinterError where it is not there."""
     try:
         connection = socket.create_connection((host, port), timeout_s)
-    except OSError as error:
-        why = f"The printer at {host}:{port} cannot be reached: {error.strerror or error}"
+    except (OSError, UnicodeError) as error:  # the second: of a name that no computer can have
+        why = f"The printer at {host}:{port} cannot be reached: {getattr(error, 'strerror', None) or error}"
         raise PrinterError(f"{why}. Switch it on, check its cable") from error
     with connection:
-        yield Line(connection)
+        yield Line(connection, timeout_s)

@@ -10,11 +10,14 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from recipes import load_document
 from station.atomic_file import open_file, refused
-from station.web.labels.template import LabelError, Template, parse, unknown_fields
+from station.web.labels.template import FIELD, LabelError, Template, parse, unknown_fields
 
 FILE = "labels.yaml"
 SHIPPED = Path(__file__).parent / "label.zpl"
 LARGEST_TEMPLATE = 1 << 20
+
+ONE_RUN = {"code", "run"}
+"""Fields that name one run alone: what is read back of a label must not stand on another one, or on the unit."""
 
 Verdict = Literal["PASS", "FAIL", "NOT DECIDABLE"]
 
@@ -34,6 +37,7 @@ class LabelSettings(BaseModel):
 
     `templates`: file of the template for each verdict that gets a label, beside this file or a whole path. `read_back`:
     text with fields that a scan of the label has to read before the next unit is measured; without it none is asked.
+    `virtual_units`: whether units of the virtual bench get labels too, which are of no real unit.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -41,6 +45,7 @@ class LabelSettings(BaseModel):
     printer: Printer = Printer()
     templates: dict[Verdict, str] = Field(min_length=1)
     read_back: str | None = Field(default=None, min_length=1, max_length=200)
+    virtual_units: bool = False
 
 
 @dataclass(frozen=True)
@@ -63,6 +68,11 @@ def load_labels(data: Path) -> Labels | None:
     if not file.exists():
         return None
     settings = load_document(file, LabelSettings)
+    if settings.read_back is not None and not ONE_RUN & set(FIELD.findall(settings.read_back)):
+        raise LabelError(
+            f"{file}: read_back: found {settings.read_back!r}, which other labels and type plates have too; it needs "
+            "{code} or {run}, which name one run alone"
+        )
     templates: dict[str, Template] = {}
     for verdict, name in settings.templates.items():
         path = data / name

@@ -38,6 +38,9 @@ REFUSED = {
 }
 """Commands that a template cannot have, and what they do."""
 
+ONE_LABEL = re.compile(r"1?(,0?(,[01]?(,[YN]?(,[YN]?)?)?)?)?")
+"""Values of `^PQ` that print one label: quantity, pause after, replicates, and whether to pause and to cut."""
+
 _COMMAND = re.compile(r"\^([A-Z0-9@]{1,2})([^^]*)", re.DOTALL)
 _HEX = re.compile(r"_(?![0-9A-Fa-f]{2})")
 
@@ -149,7 +152,7 @@ def parse(text: str, shown_as: str) -> Template:
     if "~" in text:
         raise refuse("found '~'; a template has commands that begin with '^' only. Take it out")
     commands = list(_COMMAND.finditer(text))
-    if text.count("^") != len(commands):
+    if text.count("^") != len(commands) or any(len(one[1]) == 1 for one in commands):
         raise refuse("has a '^' with no command behind it, or one in small letters. Write commands in capitals")
     names = [one[1] for one in commands]
     if names[:1] != ["XA"] or names[-1:] != ["XZ"] or names.count("XA") != 1 or names.count("XZ") != 1:
@@ -159,7 +162,7 @@ def parse(text: str, shown_as: str) -> Template:
     for name in names:
         if name in REFUSED:
             raise refuse(f"found ^{name}, which {REFUSED[name]}. Take it out")
-    if any(one[1] == "PQ" and one[2].partition(",")[0].strip() not in ("", "1") for one in commands):
+    if any(one[1] == "PQ" and not ONE_LABEL.fullmatch("".join(one[2].split())) for one in commands):
         raise refuse("found ^PQ with more than one label; a unit gets one. Take it out")
     if not any(one[1] == "CI" and one[2].strip() == "28" for one in commands):
         raise refuse("has no ^CI28, by which the printer reads UTF-8. Write it behind ^XA")

@@ -139,7 +139,8 @@ class Sender:
     def close(self) -> None:
         """End: what is not delivered is kept for the next start."""
         self._end.set()
-        self._thread.join(timeout=self._settings.timeout_s + LOOK_EVERY_S)
+        if self._thread.ident is not None:
+            self._thread.join(timeout=self._settings.timeout_s + LOOK_EVERY_S)
 
     def _loop(self) -> None:
         # without the proxies of the environment: a MES is a neighbour

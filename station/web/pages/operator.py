@@ -109,6 +109,8 @@ class _Page:
         self._scan = ("", 0.0, "")
         self._session_seen = 0.0
         self._awaited = False
+        self._refused_for: Awaited | None = None
+        """The label for which a scan was refused: the one that a person has printed again."""
 
     def build(self) -> None:
         """Lay the page out."""
@@ -222,6 +224,7 @@ class _Page:
                 time.monotonic(),
                 "",
             )  # what was refused may be allowed now: scanned again it is asked again
+            self._refused_for = (await asyncio.to_thread(_seen, self._station, self._session.token)).label
         self._say(answer, scanned)
 
     async def _perform(self, action: str, values: dict[str, JsonValue], key: str) -> Answer:
@@ -239,7 +242,11 @@ class _Page:
             if "bad_unit_put_away" in names:
                 ui.button(self._words(PUT_AWAY), on_click=lambda: self._put_away(scanned)).classes("lm-button")
             elif "label_read" in names:
-                ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned)).classes("lm-button")
+                # One key: whoever clicks twice asks once.
+                label, key = self._refused_for, secrets.token_hex(16)
+                ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned, label, key)).classes(
+                    "lm-button"
+                )
             elif "retest_reason" in names:
                 for reason in RETEST_REASONS:
                     ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why)).classes(
@@ -253,10 +260,13 @@ class _Page:
             ui.label(self._words(text, **values))
         self._refused.set_visibility(True)
 
-    async def _print_again(self, scanned: str) -> None:
+    async def _print_again(self, scanned: str, label: Awaited | None, key: str) -> None:
+        """Have the label printed again for which a scan was refused, unless it was read meanwhile."""
         seen = await asyncio.to_thread(_seen, self._station, self._session.token)
-        if seen.label is not None:
-            self._say(await self._perform("print_label", {"run": seen.label.run}, secrets.token_hex(16)), scanned)
+        if label is None or seen.label is None or seen.label.run != label.run:
+            self._refused.set_visibility(False)
+            return
+        self._say(await self._perform("print_label", {"run": label.run}, key), scanned)
 
     async def _put_away(self, scanned: str) -> None:
         bad = await asyncio.to_thread(unconfirmed_run, self._station)

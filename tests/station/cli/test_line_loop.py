@@ -84,6 +84,20 @@ def test_a_retest_needs_a_reason_and_an_empty_line_leaves_it(desk: Desk) -> None
     assert desk.ran[1][desk.ran[1].index("--retest-reason") + 1] == "the coupling was loose"
 
 
+@pytest.mark.parametrize("scanned", ["SN-1", "SN-2", "BAD-7", "]d221SN-2", "NOK", "nok"])
+def test_a_code_is_no_reason_for_a_retest(desk: Desk, scanned: str) -> None:
+    """The unit was scanned twice, or another one is on the bench by now: it would be measured as the one before."""
+    desk.scan("SN-1", "SN-1")
+    assert desk.scan(scanned).startswith("REFUSED")
+    assert len(desk.ran) == 1
+    assert desk.scan("SN-2").startswith("FAIL  SN-2"), "it is a scan like any other"
+
+
+@pytest.mark.parametrize("reason", ["loose", "SEATING", "2nd try: Kupplung geprüft", "reason 7"])
+def test_words_are_a_reason_for_a_retest(desk: Desk, reason: str) -> None:
+    assert desk.scan("SN-1", "SN-1", reason).startswith("FAIL  SN-1")
+
+
 @pytest.mark.parametrize("scanned", ["XX-1", "SN-1\x07", "]C10109501101530003"])
 def test_what_is_no_serial_number_of_a_model_starts_nothing(desk: Desk, scanned: str) -> None:
     assert desk.scan(scanned).startswith("REFUSED")

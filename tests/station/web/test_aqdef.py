@@ -178,6 +178,18 @@ def test_a_share_that_is_away_is_waited_for_and_told(station: Station, share: Pa
     assert {file.suffix for file in share.iterdir()} == {".dfq"}
 
 
+@pytest.mark.usefixtures("stepped")
+def test_a_clock_that_is_set_back_holds_no_file_up(station: Station, share: Path) -> None:
+    plant = set_up(station, share, "unit")
+    away = share.rename(share.with_name("away"))
+    store_run(plant.data, "SN-1", [metric(0.4)])
+    assert pass_of(plant) == 0
+    away.rename(share)
+    WALL_CLOCK.step(-2.0 * HOUR_S)
+    assert plant.aqdef is not None
+    assert look(plant.database, plant.data, plant.aqdef) == 1
+
+
 def test_nothing_is_written_below_a_place_where_no_share_is_mounted(station: Station, share: Path) -> None:
     plant = set_up(station, share, "unit", f"mount_point: {share}\n")
     store_run(plant.data, "SN-1", [metric(0.4)])

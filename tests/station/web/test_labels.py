@@ -5,33 +5,43 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import socket
+import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
+from threading import Event, Thread
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from lostmotion_command import here
 from sqlalchemy import select
+from station_samples import SETUP
 from station_support import client_of
 from stored_runs import metric, store_run
-from zpl_printer import ZplPrinter, printing, read_fields
+from zpl_printer import PATIENCE_S, ZplPrinter, printing, read_fields
 
 from definitions.metrics import METRICS
 from recipes import RecipeError
 from station.cli.measure.line import Line, PrintedLabels
 from station.documents.result import Result
 from station.errors import StationError
+from station.records import seal
 from station.records.certificate_code import code_of
+from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
-from station.records.run_record import RESULT
+from station.records.run_record import RESULT, RunRecord
 from station.web.labels import outbox
 from station.web.labels.outbox import SENT, Printing, awaited
 from station.web.labels.printer import PrinterError, connected, parse_status
 from station.web.labels.settings import FILE, SHIPPED, load_labels
 from station.web.labels.template import FIELDS, LabelError, Source, parse
 from station.web.models import load_models
+from station.web.people.audit import lines_of, problems_of
 from station.web.people.database import LABELS
+from station.web.scanner import ScanError, serial_of
+from station.web.server import Served, open_station
 from station.web.station import Station
 
 SETTINGS = """\
@@ -78,8 +88,12 @@ def due_now(plant: Station) -> None:
         connection.execute(LABELS.update().values(next_s=0.0))
 
 
+def released_text(data: Path) -> bytes:
+    return (data.parent / "recipes" / "good.yaml").read_bytes()
+
+
 def good_run(plant: Station, serial: str = "SN-1", **words: object) -> str:
-    run = store_run(plant.data, serial, [metric(0.4)], **words)
+    run = store_run(plant.data, serial, [metric(0.4)], **{"text": released_text(plant.data)} | words)
     return code_of(run)
 
 
@@ -124,7 +138,10 @@ def test_the_label_of_another_unit_is_refused_and_told(plant: Station) -> None:
     assert stand(plant) is None
 
 
-@pytest.mark.parametrize("words", [{"failed": "too wide"}, {"master": "PASS"}, {"scenario": "s"}, {"state": "stopped"}])
+@pytest.mark.parametrize(
+    "words",
+    [{"failed": "too wide"}, {"master": "PASS"}, {"scenario": "s"}, {"state": "stopped"}, {"text": b"of nobody\n"}],
+)
 def test_units_that_get_no_label(plant: Station, printer: ZplPrinter, words: dict[str, str]) -> None:
     good_run(plant, **words)
     thread_of(plant).look()
@@ -132,7 +149,7 @@ def test_units_that_get_no_label(plant: Station, printer: ZplPrinter, words: dic
 
 
 def test_runs_from_before_labels_were_set_up_get_none(station: Station, printer: ZplPrinter) -> None:
-    store_run(station.data, "SN-1", [metric(0.4)])
+    good_run(station)
     set_up(station.data, printer.port)
     plant = dataclasses.replace(station, labels=load_labels(station.data))
     thread_of(plant).look()
@@ -256,7 +273,7 @@ def test_a_label_that_cannot_be_made_stops_the_line_and_says_why(station: Statio
 
 
 def test_a_changed_record_gets_no_label(plant: Station, printer: ZplPrinter) -> None:
-    run = store_run(plant.data, "SN-1", [metric(0.4)])
+    run = store_run(plant.data, "SN-1", [metric(0.4)], text=released_text(plant.data))
     (run.folder / "result.json").write_text("{}")
     thread_of(plant).look()
     found = stand(plant)
@@ -298,6 +315,9 @@ def test_every_field_has_a_value(plain_source: Source) -> None:
         ("^XA^CI28^FH^FDlot_ {serial}^FS^XZ", "_5F"),
         ("^XA^FH^FD{serial}^FS^XZ", "^CI28"),
         ("^XA^CI28^PQ2^FH^FD{serial}^FS^XZ", "^PQ"),
+        ("^XA^CI28^Pq5^FH^FD{serial}^FS^XZ", "capitals"),
+        ("^XA^CI28^PQ1,0,5^FH^FD{serial}^FS^XZ", "^PQ"),
+        ("^XA^CI28^PQ01,1^FH^FD{serial}^FS^XZ", "^PQ"),
         ("^XA^CI28^CC+^FH^FD{serial}^FS^XZ", "^CC"),
         ("^XA^CI28^XFR:OLD^FS^XZ", "^XF"),
         ("~JA^XA^CI28^FH^FD{serial}^FS^XZ", "~"),
@@ -324,7 +344,9 @@ def test_what_a_bar_code_cannot_hold_is_refused(plain_source: Source) -> None:
 @pytest.mark.parametrize(
     "changes",
     [
-        {"read_back": "{serial}"},
+        {"read_back": "{verdict}", "template": "^XA^CI28^BQN,2,4^FH^FDQA,{verdict}^FS^XZ"},
+        {"read_back": "{serial}", "template": "^XA^CI28^BQN,2,4^FH^FDQA,{serial}^FS^XZ"},
+        {"read_back": "{run}"},
         {"read_back": "{cote}", "template": "^XA^CI28^BQN,2,4^FH^FDQA,{code}^FS^XZ"},
         {"template": "^XA^XZ"},
     ],
@@ -398,3 +420,234 @@ def test_the_commands_show_what_is_printed_and_print_nothing(plant: Station, pri
     assert (status.exit_code, "roll" in status.out) == (1, True)
     assert here("labels", "status", "--data", str(plant.data.parent)).exit_code == 2
     assert printer.printed == []
+
+
+def test_a_run_between_its_line_and_its_name_gets_its_label(
+    plant: Station, printer: ZplPrinter, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The chain has the run as sealed before its run.json has its name: who looks in that moment looks again."""
+    thread, put = thread_of(plant), seal._put_in_place
+    seen: list[str] = []
+
+    def look_first(record: RunRecord) -> None:
+        with suppress(StationError):
+            thread.look()
+        with plant.database.reading() as connection:
+            seen.append(outbox.why_not_next(connection, plant.data, plant.labels))
+        put(record)
+
+    monkeypatch.setattr(seal, "_put_in_place", look_first)
+    code = good_run(plant)
+    assert "Wait a moment" in seen[0], "the next unit waits for it"
+    thread.look()
+    assert [read_fields(one)[0] for one in printer.printed] == [f"QA,{code}"]
+
+
+def test_a_unit_that_failed_when_measured_again_gets_no_label_of_before(plant: Station, printer: ZplPrinter) -> None:
+    """Its label with PASS waits for the printer; a bypass lets the unit be measured again, and it fails."""
+    printer.paper_out = True
+    good_run(plant)
+    thread = thread_of(plant)
+    thread.look()
+    first = stand(plant).run
+    good_run(plant, failed="too wide")
+    printer.paper_out = False
+    due_now(plant)
+    for _ in range(2):
+        thread.look()
+        due_now(plant)
+    assert (stand(plant), printer.printed) == (None, [])
+    asked = client_of(plant, "operator").post("print_label", {"run": first})
+    assert (asked.status_code, "measured again" in asked.json()["refused"][0]["text"]) == (409, True)
+
+
+def test_no_label_of_before_comes_while_its_unit_is_measured_again(plant: Station, printer: ZplPrinter) -> None:
+    printer.paper_out = True
+    good_run(plant)
+    thread = thread_of(plant)
+    thread.look()
+    Store(plant.data).create("SN-1", SETUP, {"recipe.yaml": b"r\n", "bench.yaml": b"b\n"})
+    printer.paper_out = False
+    due_now(plant)
+    thread.look()
+    assert (printer.printed, "measured again" in str(stand(plant))) == ([], True)
+
+
+def test_the_old_label_of_a_unit_that_was_measured_again_is_told(plant: Station, printer: ZplPrinter) -> None:
+    first, thread = good_run(plant), thread_of(plant)
+    thread.look()
+    second = good_run(plant)
+    thread.look()
+    operator = client_of(plant, "operator")
+    assert "old label" in operator.post("read_label", {"scanned": first}).json()["refused"][0]["text"]
+    assert operator.post("read_label", {"scanned": second}).status_code == 200
+    assert len(printer.printed) == 2
+    good_run(plant, failed="too wide")
+    thread.look()
+    for code in (first, second):
+        assert "old label" in operator.post("read_label", {"scanned": code}).json()["refused"][0]["text"]
+
+
+def test_runs_that_nobody_looked_at_get_no_labels_by_themselves_but_the_newest(
+    plant: Station, printer: ZplPrinter
+) -> None:
+    """Measured by `lostmotion run` while no server was there: the units have left, and a PASS would go elsewhere."""
+    runs = [good_run(plant, f"SN-{number}") for number in range(1, 4)]
+    thread = thread_of(plant)
+    for _ in range(3):
+        thread.look()
+    assert [read_fields(one)[0] for one in printer.printed] == [f"QA,{runs[-1]}"]
+    operator = client_of(plant, "operator")
+    assert operator.post("read_label", {"scanned": runs[-1]}).status_code == 200
+    asked = operator.post("print_label", {"run": Store(plant.data).runs()[0].id})
+    assert (asked.status_code, asked.json()["copy_number"]) == (200, 1)
+    thread.look()
+    assert read_fields(printer.printed[-1])[0] == f"QA,{runs[0]}"
+
+
+def test_labels_that_are_set_up_again_leave_what_waited_before(plant: Station, printer: ZplPrinter) -> None:
+    printer.paper_out = True
+    good_run(plant)
+    thread_of(plant).look()
+    plant.database.close()
+    (plant.data / FILE).rename(plant.data / "labels.off")
+    served, _ = open_station(Served(plant.data, "127.0.0.1", 0))
+    good_run(plant, "SN-2")
+    with served.database.reading() as connection:
+        (line,) = lines_of(connection, 1)
+    assert (line.action, "taken away" in line.detail) == ("set_label_aside", True)
+    served.close()
+    (plant.data / "labels.off").rename(plant.data / FILE)
+    printer.paper_out = False
+    thread = thread_of(plant)
+    for _ in range(3):
+        thread.look()
+    assert (stand(plant), printer.printed) == (None, [])
+
+
+def test_labels_of_which_no_scan_was_asked_are_not_awaited_later(plant: Station, printer: ZplPrinter) -> None:
+    without = (plant.data / FILE).read_text().partition("read_back")[0]
+    (plant.data / FILE).write_text(without)
+    before = dataclasses.replace(plant, labels=load_labels(plant.data))
+    good_run(plant)
+    thread_of(before).look()
+    assert (len(printer.printed), stand(before), stand(plant)) == (1, None, None)
+    assert client_of(plant, "operator").post("read_label", {"scanned": ""}).status_code == 409
+    with plant.database.reading() as connection:
+        assert connection.execute(select(LABELS.c.label)).scalar_one() == "", "nobody needs its text any more"
+
+
+def test_an_empty_scan_reads_no_label(plant: Station, printer: ZplPrinter) -> None:
+    without = (plant.data / FILE).read_text().partition("read_back")[0]
+    (plant.data / FILE).write_text(without)
+    plant = dataclasses.replace(plant, labels=load_labels(plant.data))
+    printer.cut = True
+    good_run(plant)
+    thread_of(plant).look()
+    assert stand(plant).stage == SENT
+    assert client_of(plant, "operator").post("read_label", {"scanned": " "}).status_code == 409
+
+
+def test_a_virtual_unit_gets_a_label_where_that_is_asked_for_alone(plant: Station, printer: ZplPrinter) -> None:
+    good_run(plant, virtual="nominal")
+    thread_of(plant).look()
+    assert (stand(plant), printer.printed) == (None, [])
+    assert here("labels", "preview", "SN-1", "--data", str(plant.data)).exit_code == 2
+    (plant.data / FILE).write_text((plant.data / FILE).read_text() + "virtual_units: true\n")
+    plant = dataclasses.replace(plant, labels=load_labels(plant.data))
+    good_run(plant, "SN-2", virtual="nominal")
+    thread_of(plant).look()
+    assert len(printer.printed) == 1
+
+
+def test_a_printer_that_answers_a_little_at_a_time_is_told(plant: Station) -> None:
+    """Each piece comes in time, and the answer never."""
+    assert plant.labels is not None
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        stop = Event()
+
+        def drip() -> None:
+            connection, _ = listener.accept()
+            with connection, suppress(OSError):
+                while not stop.wait(0.1):
+                    connection.sendall(b"0")
+
+        thread = Thread(target=drip, daemon=True)
+        thread.start()
+        began_s = time.monotonic()
+        with (
+            connected("127.0.0.1", listener.getsockname()[1], 0.5) as line,
+            pytest.raises(PrinterError, match="does not answer"),
+        ):
+            line.status()
+        stop.set()
+        thread.join()
+    assert time.monotonic() - began_s < PATIENCE_S
+
+
+def test_a_printer_whose_name_no_computer_can_have_is_told() -> None:
+    with pytest.raises(PrinterError, match="cannot be reached"), connected("printer..local", 9100, 0.5):
+        pass
+
+
+def test_a_chain_that_is_no_chain_stops_the_line_and_not_the_thread(plant: Station, printer: ZplPrinter) -> None:
+    with (plant.data / CHAIN).open("ab") as chain:
+        chain.write(b"{half\n")
+    with plant.database.reading() as connection, pytest.raises(StationError, match="whole line"):
+        outbox.why_not_next(connection, plant.data, plant.labels)
+    with pytest.raises(StationError, match="whole line"):
+        thread_of(plant).look()
+    assert printer.printed == []
+
+
+@pytest.mark.usefixtures("printer")
+def test_a_scan_of_a_label_at_a_terminal_is_a_line_of_the_audit_trail(plant: Station) -> None:
+    code = good_run(plant)
+    thread_of(plant).look()
+    labels = PrintedLabels(plant.database, plant.data, plant.labels, "A. Tester")
+    labels.read(code)
+    labels.read(code)
+    with plant.database.reading() as connection:
+        lines = lines_of(connection, 2)
+        assert problems_of(connection) == []
+    assert [(one.name, one.action, one.outcome) for one in lines] == [
+        ("A. Tester", "read_label", "refused"),
+        ("A. Tester", "read_label", "done"),
+    ]
+
+
+def test_the_code_of_a_label_is_no_serial_number(plant: Station) -> None:
+    """Where labels are not set up any more, or the label is of another bench, and any text is a serial number."""
+    code = good_run(plant)
+    for scanned in (code, f"]Q1{code}", code.split(".", 2)[2], f"PASS {code}"):
+        with pytest.raises(ScanError, match="label"):
+            serial_of(scanned)
+
+
+@pytest.mark.usefixtures("printer")
+def test_a_scanner_that_says_how_a_code_is_printed_reads_a_label(plant: Station) -> None:
+    """GS1 codes need it of a scanner, and it then says it of every code."""
+    code = good_run(plant)
+    thread_of(plant).look()
+    with pytest.raises(ScanError, match="label"):
+        serial_of(f"]Q1{code}")
+    with plant.database.reading() as connection:
+        assert outbox.is_label(connection, f"]Q1{code}")
+    assert client_of(plant, "operator").post("read_label", {"scanned": f"]Q1{code}\r"}).status_code == 200
+
+
+@pytest.mark.parametrize("quantity", ["", "1", "1,0", "1,0,1,Y", "1,,,N,Y"])
+def test_a_template_may_say_that_it_is_one_label(quantity: str) -> None:
+    assert parse(f"^XA^CI28^PQ{quantity}^FH^FD{{serial}}^FS^XZ", "t").parts
+
+
+def test_a_clock_that_is_set_back_holds_no_label_up(plant: Station, printer: ZplPrinter) -> None:
+    printer.paper_out = True
+    good_run(plant)
+    thread = thread_of(plant)
+    thread.look()
+    printer.paper_out = False
+    with plant.database.writing() as connection:
+        connection.execute(LABELS.update().values(next_s=time.time() + 3600.0))
+    thread.look()
+    assert len(printer.printed) == 1

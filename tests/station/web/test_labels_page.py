@@ -9,7 +9,7 @@ import pytest
 from browser import needs_browser, opened, playwright
 from served import Served, prepared, served
 from stored_runs import metric, store_run
-from test_labels import set_up
+from test_labels import released_text, set_up
 from test_start_in_browser import SCAN
 from zpl_printer import ZplPrinter, printing
 
@@ -40,7 +40,7 @@ def page(bench: Served) -> Iterator[playwright.Page]:
 
 
 def seal(data: Path, serial: str) -> str:
-    return code_of(store_run(data, serial, [metric(0.4)]))
+    return code_of(store_run(data, serial, [metric(0.4)], text=released_text(data)))
 
 
 def test_the_label_is_scanned_before_the_next_unit(bench: Served, page: playwright.Page, printer: ZplPrinter) -> None:
@@ -69,3 +69,22 @@ def test_a_label_that_may_have_come_out_is_printed_again_by_hand(
     assert "copy 2" in printer.printed[-1]
     page.evaluate(SCAN, code)
     page.wait_for_selector("text=The label of unit SN-3 is on it.")
+
+
+def test_what_is_printed_again_is_the_label_of_which_the_page_tells(
+    bench: Served, page: playwright.Page, printer: ZplPrinter
+) -> None:
+    """The button stands there for a label that was read meanwhile, as on another page, and the next unit is done."""
+    code = seal(bench.data, "SN-5")
+    page.wait_for_selector("text=The label of unit SN-5 was not read yet.")
+    page.evaluate(SCAN, "SN-6")
+    page.wait_for_selector("text=Print the label again")
+    assert bench.post("read_label", {"scanned": code}, "meanwhile").status_code == 200
+    there = len(printer.printed)
+    seal(bench.data, "SN-6")
+    printer.wait_for(there + 1)
+    page.wait_for_selector("text=The label of unit SN-6 was not read yet.")
+    page.click("text=Print the label again")
+    page.wait_for_selector("text=Print the label again", state="hidden")
+    assert bench.now()["label"]["stage"] == "printed"
+    assert not [one for one in printer.printed if "SN-6" in one and "copy" in one]

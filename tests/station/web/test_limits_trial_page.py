@@ -35,7 +35,7 @@ def store_lot(data: Path) -> None:
         value = 0.8 + 0.04 * float(random.standard_normal())
         sides = {side: {"value": value, "uncertainty": 0.01, "verdict": "PASS"} for side in ("+", "-")}
         one = metric(value, uncertainty=0.01, sides=sides)
-        store_run(data, f"U{number}", [one], day=number, recipe=RECIPE, revision=2, recipe_text=text)
+        store_run(data, f"U{number}", [one], day=number, recipe=RECIPE, revision=2, text=text)
 
 
 @pytest.fixture(scope="module")

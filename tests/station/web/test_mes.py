@@ -319,3 +319,8 @@ def test_the_cable_of_the_mes_is_cut_in_mid_run_and_the_server_killed(tmp_path: 
     assert not any(note.startswith("unverified") for note in message["result"]["notes"])
     assert len(here("list", "--data", str(data), "--json").json) == 1
     assert here("verify", "--data", str(data)).exit_code == 0
+
+
+def test_a_sender_that_never_began_is_closed(plant: Station) -> None:
+    """As where the port of the server is taken: the reason is told, and not that a thread was never started."""
+    Sender(plant.database, plant.data, plant.mes).close()

@@ -47,6 +47,13 @@ def test_what_no_screen_can_show_in_a_line_is_refused(tmp_path: Path, more: str)
         parse_recipe(recipe.read_bytes(), str(recipe))
 
 
+@pytest.mark.parametrize("hidden", [r"\x9b2J", r"\u202e", r"\u2066", r"\u2028", r"\x85"])
+def test_what_moves_the_cursor_or_turns_the_text_round_is_refused(tmp_path: Path, hidden: str) -> None:
+    recipe = written(tmp_path / "runs", f'what_to_do: {{failed: "Put it {hidden} away"}}')
+    with pytest.raises(RecipeError, match=r"what_to_do\.failed"):
+        parse_recipe(recipe.read_bytes(), str(recipe))
+
+
 @pytest.mark.wires
 @pytest.mark.long
 @needs_browser

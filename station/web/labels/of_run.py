@@ -77,7 +77,7 @@ def _wait_for_its_name(record: RunRecord) -> None:
 
 
 def gets_label(data: Path, manifest: Manifest, labels: Labels) -> bool:
-    """Say whether the unit of a run gets a label: by its verdict, and never a master part, a study or a run with faults.
+    """Say whether the unit of a run gets a label: by its verdict, never of a master part, a study or with faults.
 
     Nor does one whose limits nobody has released, as a technician's trial by `lostmotion run`.
     """

@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import stat
-from errno import EACCES, EDQUOT, EINVAL, EIO, ENOENT, ENOSPC, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
+from errno import EACCES, EDQUOT, EINVAL, EIO, EMLINK, ENOENT, ENOSPC, ENOSYS, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -15,6 +15,9 @@ from station.errors import RecordError
 PART = ".part"
 CANNOT_RESERVE = (EINVAL, EOPNOTSUPP)
 """What a file system answers that takes no room ahead of time."""
+
+CANNOT_LINK = (EPERM, EOPNOTSUPP, ENOSYS, EMLINK)
+"""What a file system answers that has no hard links."""
 
 _LET_IN = "Give this user write permission"
 _PUT_BACK = "Restore the missing folder"
@@ -83,13 +86,7 @@ def write_atomic(path: Path, content: bytes, *, flush: bool = True) -> None:
     """
     beside = _beside(path)
     try:
-        # Not emptied first: the room that was taken for it is there still, and no longer once it has been given back.
-        with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666), "wb") as file:
-            file.write(content)
-            file.truncate()
-            file.flush()
-            if flush:
-                os.fsync(file.fileno())
+        _write_beside(beside, content, flush=flush)
         beside.replace(path)
         if flush:
             sync_folder(path.parent)
@@ -97,6 +94,64 @@ def write_atomic(path: Path, content: bytes, *, flush: bool = True) -> None:
         with contextlib.suppress(OSError):
             beside.unlink(missing_ok=True)
         raise refused(path, error) from error
+
+
+def _write_beside(beside: Path, content: bytes, *, flush: bool) -> None:
+    # Not emptied first: the room that was taken for it is there still, and no longer once it has been given back.
+    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666), "wb") as file:
+        file.write(content)
+        file.truncate()
+        file.flush()
+        if flush:
+            os.fsync(file.fileno())
+
+
+def write_new(path: Path, content: bytes) -> bool:
+    """Write a file that is not there yet, completely or not at all; False where one of another content is there.
+
+    One of this content is taken for the one that was written before. The folder may be a share.
+
+    Raises:
+        RecordError: the disk or the share is full, read-only, or gone.
+
+    """
+    beside = _beside(path)
+    try:
+        if not os.path.lexists(path):
+            _write_beside(beside, content, flush=True)
+            _name_new(beside, path)
+        same = stat.S_ISREG(path.lstat().st_mode)
+        if same:
+            with open_file(path) as file:
+                same = file.read(len(content) + 1) == content
+        if same:
+            beside.unlink(missing_ok=True)  # of a writer that was killed as it named the file
+            _sync_share(path.parent)
+    except OSError as error:
+        with contextlib.suppress(OSError):
+            beside.unlink(missing_ok=True)
+        raise refused(path, error) from error
+    return same
+
+
+def _name_new(beside: Path, path: Path) -> None:
+    """Give a file its name, unless another has it by now."""
+    try:
+        os.link(beside, path)
+    except FileExistsError:
+        beside.unlink()
+    except OSError as error:
+        if error.errno not in CANNOT_LINK:
+            raise
+        beside.rename(path)  # a share without hard links
+
+
+def _sync_share(folder: Path) -> None:
+    try:
+        sync_folder(folder)
+    except OSError as error:
+        if error.errno not in CANNOT_RESERVE:  # shares answer so that flush no folder
+            raise
 
 
 def append_line(path: Path, line: bytes) -> None:

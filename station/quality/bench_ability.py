@@ -12,6 +12,7 @@ from analysis.line.type_one import TypeOne, type_one
 from analysis.trace.errors import AnalysisError
 from recipes import Bench, RecipeError, parse_recipe
 from recipes.text.yaml_source import read_bytes
+from station.counted import counted
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
@@ -78,7 +79,7 @@ def series_of(production: Production, part: Part) -> tuple[PartSeries, ...]:
             "'lostmotion list'" + ("" if part.virtual else "; units of the virtual bench count with --virtual")
         )
     if len(benches) > 1:
-        there = ", ".join(f"{name} ({number} runs)" for name, number in benches)
+        there = ", ".join(f"{name} ({counted(number, 'run')})" for name, number in benches)
         raise StationError(f"{part.serial} was measured on {there}; each bench is judged alone. Choose it with --bench")
     newest = production.connection.execute(select(func.max(runs.c.run))).scalar_one()
     what = one_of(metrics_of_run(production, str(newest)), part.metric, part.branch)

@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from analysis.evaluation.guard_band import Risks, normal_process, risks
-from analysis.evaluation.verdict import check_limits
+from analysis.evaluation.verdict import Verdict, check_limits, judge, worst
+from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
 from definitions.metrics import METRICS
 from recipes import Recipe, parse_recipe
@@ -19,7 +20,7 @@ from station.errors import StationError
 from station.records.recipe_revisions import History, Revision, save_draft
 from station.records.run_record import RunRecord
 from station.store.quality.lot import Lot, Production
-from station.store.quality.trial import Flip, Rule, flipped, flips
+from station.store.quality.trial import Flip, Rule, TriedSide, flipped, flips, tried_sides
 from station.store.quality.values import Characteristic, ValueRow, characteristic, newest_run, values
 
 LEAST_VALUES = 10
@@ -93,10 +94,51 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
         run,
         sum(counts.values()),
         tuple((was, new, number) for (was, new), number in counts.items()),
-        tuple(flipped(production, lot, what, after, most)),
+        tuple(flips_with_reasons(production, lot, what, after, most)),
         changing,
         tuple(_side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
     )
+
+
+def flips_with_reasons(production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int) -> list[Flip]:
+    """Return the newest runs that flip, newest first, each with what decides it."""
+    found = flipped(production, lot, what, rule, most)
+    sides = tried_sides(production, what, [one.run for one in found])
+    return [one._replace(why=why_by_rule(what, sides[one.run], rule, one.after)) for one in found]
+
+
+def why_by_rule(what: Characteristic, sides: Sequence[TriedSide], rule: Rule, after: str) -> str:
+    """Return what decides the verdict of a run under a rule, in words: the worst side, or another metric of the run."""
+    decision = Decision("simple") if rule.guard_factor is None else Decision("guard_band", rule.guard_factor)
+    judged = [(one, *judge(one.value, one.uncertainty, (rule.limit_min, rule.limit_max), decision)) for one in sides]
+    if rule.limit_min is None and rule.limit_max is None:
+        return f"{what.name} has no limit; {REST[after]}"
+    verdict = worst(one for _, one, _ in judged)
+    decisive = [(one, limit) for one, found, limit in judged if found is verdict]
+    said = f"{what.name} {'; '.join(_of_side(one, verdict, limit, what, rule) for one, limit in decisive)}"
+    return said if verdict == after else f"{said}; {REST[after]}"
+
+
+REST = {
+    "PASS": "no other metric hinders it",
+    "FAIL": "another metric is FAIL",
+    "NOT DECIDABLE": "another metric is NOT DECIDABLE",
+}
+"""What the other metrics of a run say, where they decide its verdict."""
+
+
+def _of_side(one: TriedSide, verdict: Verdict, limit: str, what: Characteristic, rule: Rule) -> str:
+    side = "" if one.side == "both" else f"side {one.side} "
+    if one.value is None:
+        return f"{side}has no value"
+    if limit == "uncertainty":
+        return f"{side}has no U, which a guard band needs"
+    unit = "" if what.unit in ("", "1") else f" {what.unit}"
+    bound = rule.limit_min if limit == "min" else rule.limit_max
+    found, named = f"{side}{one.value:.6g}{unit}", f"{limit} {bound:.6g}{unit}"
+    if verdict is Verdict.FAIL:
+        return f"{found} is beyond {named}"
+    return f"{found} is within {named}" if verdict is Verdict.PASS else f"{found} is too near to {named} for its U"
 
 
 class Rules(NamedTuple):
@@ -169,10 +211,18 @@ def _side_risks(side: str, rows: Sequence[ValueRow], before: Rule, after: Rule) 
 
 
 def draft_of(data: Path, found: Trial, person: str) -> Revision:
-    """Save the recipe of the newest run with what was tried as the draft of its next revision.
+    """Save the recipe of the newest run with what was tried as the draft of its next revision; as `draft_text`.
+
+    Raises RevisionError too: it cannot be saved.
+    """
+    return save_draft(data, draft_text(data, found), person)
+
+
+def draft_text(data: Path, found: Trial) -> bytes:
+    """Return the recipe of the newest run with what was tried, as the text of its next revision.
 
     Raises:
-        StationError: the recipe does not ask for the metric itself, or more than once; RevisionError, RecipeError.
+        StationError: the recipe does not ask for the metric itself, or more than once. RecipeError: the text is none.
 
     """
     path = RunRecord(data / found.recipe_run).folder / "recipe.yaml"
@@ -199,7 +249,7 @@ def draft_of(data: Path, found: Trial, person: str) -> Revision:
     revision = max(History(data).next_revision(recipe.recipe.name), recipe.recipe.revision + 1)
     content = changed(content, ("recipe", "revision"), str(revision))
     parse_recipe(content, str(path))
-    return save_draft(data, content, person)
+    return content
 
 
 def _with_unit(metric: str, value: float) -> str:

@@ -59,7 +59,7 @@ class Job:
 
 @dataclass(frozen=True)
 class MetricOutcome:
-    """A metric as it was evaluated, on the side that it goes by."""
+    """A metric as it was evaluated, on the side that it goes by; limited: whether it has a limit, and decides."""
 
     id: str
     branch: str
@@ -67,6 +67,7 @@ class MetricOutcome:
     value: float | None
     uncertainty: float | None
     verdict: str | None
+    limited: bool = True
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,8 @@ def _outcome(job: Job, question: Question) -> Outcome:
         return Outcome(job.run, error=str(error) or type(error).__name__, software=software_key())
     judged = judged_by_selection(judged_in(found), recipe, question.selection)
     metrics = tuple(
-        MetricOutcome(one.id, one.branch, one.side, one.value, one.uncertainty, one.verdict) for one in judged.metrics
+        MetricOutcome(one.id, one.branch, one.side, one.value, one.uncertainty, one.verdict, bool(one.limits))
+        for one in judged.metrics
     )
     return Outcome(job.run, judged.verdict, judged.reasons, metrics, software=software_key())
 

@@ -43,8 +43,8 @@ class LedgerLine:
 
     @property
     def flips(self) -> bool:
-        """Whether the verdict would be another one."""
-        return self.before != self.after
+        """Whether the verdict would be another one; metrics without a limit, asked for alone, decide none."""
+        return self.before != self.after and (not self.metrics or any(one.limited for one in self.metrics))
 
 
 class Key(NamedTuple):

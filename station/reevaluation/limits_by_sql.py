@@ -7,12 +7,12 @@ from pathlib import Path
 from sqlalchemy import select
 
 from analysis.evaluation.verdict import check_limits
-from station.quality.limits_trial import Tried, rules_of
+from station.quality.limits_trial import Tried, rules_of, why_by_rule
 from station.reevaluation.evaluate_one import Job, Outcome, software_key
 from station.reevaluation.jobs import Where
 from station.reevaluation.question import LimitsQuestion, ReevaluationError
 from station.store.quality.lot import Lot, production
-from station.store.quality.trial import tried_runs
+from station.store.quality.trial import tried_runs, tried_sides
 from station.store.quality.values import characteristic
 from station.store.tables import RUNS
 
@@ -43,7 +43,12 @@ def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> list[
         after = rules_of(look, lot, what, tried).after
         check_limits(what.name, after.limit_min, after.limit_max)
         rows = tried_runs(look, lot, what, after)
+        sides = tried_sides(look, what, [one.run for one in rows if one.before != one.after])
+    why = {one.run: (why_by_rule(what, sides[one.run], after, one.after),) for one in rows if one.run in sides}
     return [
-        (Job(one.run, one.serial, one.sha256, one.before), Outcome(one.run, one.after, software=software_key()))
+        (
+            Job(one.run, one.serial, one.sha256, one.before),
+            Outcome(one.run, one.after, why.get(one.run, ()), software=software_key()),
+        )
         for one in rows
     ]

@@ -15,6 +15,8 @@ from nicegui import ui
 from starlette.types import ASGIApp
 
 from station.errors import StationError
+from station.web.aqdef.outbox import Writer
+from station.web.aqdef.settings import load_aqdef
 from station.web.guard import Guard
 from station.web.labels.outbox import NOT_SET_UP, Printing, not_set_up
 from station.web.labels.settings import load_labels
@@ -26,7 +28,7 @@ from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
 from station.web.pages.operator import add_pages
 from station.web.pages.people import add_people
-from station.web.pages.quality import add_quality_page
+from station.web.pages.quality.page import add_quality_page
 from station.web.pages.recipes.page import add_recipe_pages
 from station.web.pages.results import add_results
 from station.web.pages.run import add_run_page
@@ -70,7 +72,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
     models, mes = load_models(served.data, served.models), load_mes(served.data)
-    settings, labels = load_settings(served.data), load_labels(served.data)
+    settings, labels, aqdef = load_settings(served.data), load_labels(served.data), load_aqdef(served.data)
     database = StationDatabase(served.data, serving=True)
     try:
         with database.writing() as connection:
@@ -83,7 +85,9 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     except StationError:
         database.close()
         raise
-    station = Station(served.data, database, models, Running(served.data), served.run_options, mes, settings, labels)
+    station = Station(
+        served.data, database, models, Running(served.data), served.run_options, mes, settings, labels, aqdef
+    )
     return station, password
 
 
@@ -138,12 +142,14 @@ def serve(served: Served) -> None:
     if station.settings.time_zone is not None:
         os.environ["TZ"] = station.settings.time_zone
         time.tzset()  # from here on local time is the plant's, on every page and in every search
-    outboxes: list[Sender | Printing] = []
+    outboxes: list[Sender | Printing | Writer] = []
     try:
         if station.mes is not None:
             outboxes.append(Sender(station.database, station.data, station.mes))
         if station.labels is not None:
             outboxes.append(Printing(station.database, station.data, station.labels))
+        if station.aqdef is not None:
+            outboxes.append(Writer(station.database, station.data, station.aqdef))
         family = socket.AF_INET6 if ":" in served.host else socket.AF_INET
         with socket.socket(family, socket.SOCK_STREAM) as listener:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

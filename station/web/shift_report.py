@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 from sqlalchemy import Connection, select
 
+from station.counted import counted
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.run_record import RESULT, RunRecord
@@ -73,7 +74,7 @@ class Shift:
         lines += [f"Alarms   {_counts(self.alarms)}"]
         lines += [f"Bypass   {one}" for one in self.bypasses]
         lines += [f"Refused starts  {_counts(self.refused)}"]
-        lines += [f"Audit trail  {self.audit.lines} lines, head {self.audit.head_sha256}"]
+        lines += [f"Audit trail  {counted(self.audit.lines, 'line')}, head {self.audit.head_sha256}"]
         return "\n".join(lines) + "\n"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from station.web.aqdef.settings import AqdefSettings
 from station.web.bench.jogging import Jogging
 from station.web.bench.watch import BenchWatch
 from station.web.evaluations import Evaluations
@@ -33,6 +34,8 @@ class Station:
     settings: Settings = field(default_factory=Settings)
     labels: Labels | None = None
     """The labels of the plant; None: none is printed or asked for."""
+    aqdef: AqdefSettings | None = None
+    """The AQDEF files of the plant; None: none are written."""
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""

@@ -46,14 +46,14 @@ def store_run(
     failed: str | None = None,
     key: str | None = None,
     master: str | None = None,
-    study: StudyPlace | None = None,
     text: bytes = b"r\n",
+    study: StudyPlace | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
-    key: public key that the bench file names. master: verdict that the unit, a master part, should have. study: step of
-    a guided study that it measures. text: of its recipe.
+    key: public key that the bench file names. master: verdict that the unit, a master part, should have.
+    text: of its recipe. study: step of a guided study that it measures.
     """
     setup = replace(
         SETUP,

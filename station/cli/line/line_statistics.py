@@ -14,6 +14,7 @@ from station.cli.csv_columns import CsvColumns, read_csv_columns
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import FromRuns, StoredValues, values_of_sides
 from station.cli.say import Grid, say
+from station.counted import counted
 from station.documents.entries import alongside
 from station.documents.result import Limits
 from station.errors import StationError
@@ -162,7 +163,7 @@ def capability_of(
         for name, sd, index in (("within", one.sd_within, one.within), ("overall", one.sd_overall, one.overall))
     ]
     blocks: list[str | Grid] = [
-        f"{found.name}: {one.values} values, mean {figure(one.mean, found.unit)}, "
+        f"{found.name}: {counted(one.values, 'value')}, mean {figure(one.mean, found.unit)}, "
         f"limit {limits_text(Limits(min=one.lower, max=one.upper))} {unit_text(found.unit)}".rstrip(),
         Grid(("spread", "standard deviation", "Cp, Pp", "Cpk, Ppk"), rows, right=(1, 2, 3)),
         f"{_intervals(one)} with {level:.0%} confidence",
@@ -223,7 +224,7 @@ def units_of(asked: Asked, level: float, *, as_json: bool) -> int:
     ]
     unusual = f"unusual: {', '.join(one.unusual)}" if one.unusual else "no unit is unusual"
     blocks: list[str | Grid] = [
-        f"{found.name}: {one.measurements} measurements of {one.units} units",
+        f"{found.name}: {counted(one.measurements, 'measurement')} of {counted(one.units, 'unit')}",
         Grid(("", "", ""), rows, right=(1,)),
         f"{unusual} (modified z score beyond 3.5)",
     ]

@@ -14,6 +14,7 @@ from rich.text import Text
 from analysis.line.spread import LEAST_RUNS, Repeatability, repeatability
 from recipes import Selection
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.counted import counted
 from station.documents.entries import plain
 from station.documents.result import Evaluation, MetricValue
 from station.errors import StationError
@@ -75,7 +76,7 @@ def repeat(names: list[str], recipe: str | None, selection: Selection, data: Pat
         sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n")
         return 0
     console = result_console()
-    console.print(f"{len(results)} runs: {', '.join(found.runs)}", highlight=False, soft_wrap=True)
+    console.print(f"{counted(len(results), 'run')}: {', '.join(found.runs)}", highlight=False, soft_wrap=True)
     console.print(_table(found.metrics))
     console.print()
     console.print(_definitions(results[0].metrics))

@@ -11,6 +11,7 @@ from definitions.program import Program
 from recipes import Recipe
 from station.bench.request import Job, load_job
 from station.cli.terminal_plot import plot
+from station.counted import counted
 from station.documents.entries import plain
 from station.documents.manifest import RecipeHead
 from station.documents.ratio import BenchHead
@@ -165,7 +166,7 @@ def check(recipe: str, bench: str | None, *, as_json: bool) -> int:
         f"  bench        {job.bench.bench.name} revision {job.bench.bench.revision}, load at the {job.recipe.loading}",
         f"  unit         {unit.model}, rated {unit.rated_torque_nm:g} N·m, ratio {unit.ratio:g}",
         f"  peak torque  {peak:g} N·m ({peak / unit.rated_torque_nm:.0%} of rated)",
-        f"  duration     {clock(found.duration_s)} min, {found.segments} segments",
+        f"  duration     {clock(found.duration_s)} min, {counted(found.segments, 'segment')}",
         f"  scan         every {found.period_ns / 1e6:g} ms",
         f"  decision     {rule_text(job.recipe)}",
         "  metrics",

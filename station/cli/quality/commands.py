@@ -287,7 +287,13 @@ def trial(
 
 @quality_app.command("dfq")
 def dfq(
-    out: Annotated[Path, typer.Option("--out", metavar="FILE", help="File to write, such as lot.dfq.")],
+    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="File to write, such as lot.dfq.")] = None,
+    outbox: Annotated[
+        bool,
+        typer.Option(
+            "--outbox", help="Write once what aqdef.yaml asks for and is complete, as 'serve' does all along."
+        ),
+    ] = False,
     recipe: RecipeFilter = None,
     model: ModelFilter = None,
     bench: BenchFilter = None,
@@ -299,6 +305,17 @@ def dfq(
     as_json: JsonOption = False,
 ) -> None:
     """Write the values of a lot as AQDEF, first attempts and retests; 'export --format dfq' does that for one run."""
+    from station.errors import StationError
+
+    if outbox == (out is not None):
+        raise StationError("--out FILE writes a lot, --outbox what aqdef.yaml asks for. Give exactly one of them")
+    if out is None:
+        from station.cli.quality.aqdef import write_outbox
+
+        chosen = (recipe, model, bench, since, until)
+        if any(one is not None for one in chosen) or virtual or newest != NEWEST:
+            raise StationError("--outbox: aqdef.yaml says which runs are written. Leave out the other options")
+        raise typer.Exit(write_outbox(data, as_json=as_json))
     from station.cli.out_file import refuse_records
     from station.cli.runs.export import program_name, write_dfq
     from station.quality.dfq.write import dfq_of_lot

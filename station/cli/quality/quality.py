@@ -11,6 +11,7 @@ from analysis.line.run_rules import RULES, RunLength, rules_of
 from analysis.line.type_one import CAPABLE, USUAL
 from station.cli.line.line_statistics import figure
 from station.cli.say import Grid, say
+from station.counted import counted
 from station.documents.entries import plain
 from station.documents.result import Limits
 from station.quality.bench_ability import Part, TypeOneFigure, type_one_of
@@ -64,7 +65,7 @@ def _interval(one: Proportion) -> str:
 def lot_note(look: Production, lot: Lot) -> list[str]:
     """Return what a reader must know of the runs behind the figures."""
     notes = ["VIRTUAL: units of the virtual bench"] if lot.virtual else []
-    behind = f"{look.behind} runs are not in the store yet and do not count"
+    behind = f"not in the store yet, and not counted: {counted(look.behind, 'run')}"
     return notes + ([behind] if look.behind else [])
 
 
@@ -146,7 +147,7 @@ def _ends(low: float, high: float) -> str:
 
 def _meanings(counts: object) -> list[str]:
     return [
-        f"{name}: {number} runs mean something else by it (definition, fit, band or torque) and are left out"
+        f"{name}: left out, because it is another definition, fit, band or torque there: {counted(number, 'run')}"
         for name, number in counts  # type: ignore[attr-defined]
         if number
     ]
@@ -288,7 +289,9 @@ def print_trial(data: Path, lot: Lot, tried: Tried, person: str | None, *, as_js
             "risks: calculated for a normal distribution with the standard deviation of these values, after the "
             f"measurement uncertainty u = {_us(known)} {unit} is subtracted"
         )
-    blocks += [f"{one.before} → {one.after}  {one.run}" for one in found.flipped]
+    if found.flipped:
+        flips = [(one.run, f"{one.before} → {one.after}", one.why) for one in found.flipped]
+        blocks.append(Grid(("run", "flips", "why"), flips))
     blocks += [f"side {one.side}: no risks: {one.why}" for one in found.risks if one.why]
     blocks += [] if saved is None else [f"saved as draft: {saved.title}, by {person}"]
     document = {**plain(found), "draft": None if saved is None else saved.title}

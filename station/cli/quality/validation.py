@@ -15,6 +15,7 @@ from analysis.trace.errors import AnalysisError
 from station.cli.line.gage import judged_study
 from station.cli.line.stored_metric import Ask
 from station.cli.out_file import refuse_records, writing
+from station.counted import counted
 from station.documents.entries import plain
 from station.documents.validation import INSTALLATION, MET, NOT_MET, OPEN, Evidence
 from station.errors import StationError
@@ -107,7 +108,9 @@ def check(folder: Path, *, as_json: bool) -> int:
         trust = (
             "" if found.known else ", WHICH THIS COMPUTER DOES NOT KNOW: compare it, then lostmotion key --trust KEY"
         )
-        head = f"{len(found.files.files)} files, made {found.files.made} by lostmotion {found.files.software}"
+        head = (
+            f"{counted(len(found.files.files), 'file')}, made {found.files.made} by lostmotion {found.files.software}"
+        )
         lines = [head, f"signed by {found.key}{trust}", *found.problems, "passed" if passed else "NOT PASSED"]
         sys.stdout.write("".join(f"{line}\n" for line in lines))
     return 0 if passed else EXIT_MISSING
@@ -120,7 +123,7 @@ def _audit(data: Path) -> Iterator[Evidence]:
     if (data / FILE).is_file():
         with closing(StationDatabase(data)) as database, database.reading() as connection:
             head, problems = audit.head_of(connection), audit.problems_of(connection)
-        found = f"{head.lines} lines, head {head.head_sha256}" + (f": {some(problems)}" if problems else "")
+        found = f"{counted(head.lines, 'line')}, head {head.head_sha256}" + (f": {some(problems)}" if problems else "")
         state = NOT_MET if problems else MET
     yield Evidence(part=INSTALLATION, asked=asked, found=found, state=state, again=again)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from station.atomic_file import write_atomic
 from station.cli.out_file import refuse_records, writing
+from station.counted import counted
 from station.documents.entries import plain
 from station.errors import StationError
 from station.quality.dfq.write import Written, dfq_of_run
@@ -72,6 +73,8 @@ def write_dfq(path: Path, found: Written, *, as_json: bool) -> int:
         document = {"file": str(path), "format": DFQ, "runs": found.runs, "characteristics": found.characteristics}
         sys.stdout.write(json.dumps({**document, "left_out": found.left_out}) + "\n")
     else:
-        rest = f"; {found.left_out} runs have none of these metrics" if found.left_out else ""
-        sys.stdout.write(f"{path}: {found.runs} runs, {found.characteristics} characteristics{rest}\n")
+        rest = f"; {counted(found.left_out, 'run')} without these metrics" if found.left_out else ""
+        sys.stdout.write(
+            f"{path}: {counted(found.runs, 'run')}, {counted(found.characteristics, 'characteristic')}{rest}\n"
+        )
     return 0

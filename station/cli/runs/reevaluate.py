@@ -10,6 +10,7 @@ from pathlib import Path
 
 from station.archive.settings import load_settings
 from station.cli.say import Grid, say
+from station.counted import counted
 from station.records.archive_note import SETTINGS
 from station.reevaluation.jobs import where_of
 from station.reevaluation.question import LimitsQuestion, Question, ReevaluationError, limits_of, question_of
@@ -93,9 +94,11 @@ def _document(found: Reevaluated) -> object:
 
 
 def _blocks(found: Reevaluated) -> list[str | Grid]:
-    blocks: list[str | Grid] = [f"RE-EVALUATED by {found.question}: {len(found.lines)} runs", ""]
+    blocks: list[str | Grid] = [f"RE-EVALUATED by {found.question}: {counted(len(found.lines), 'run')}", ""]
+    flipping = {(one.before, one.after) for one in found.flips()}
     rows = [
-        [was, now, str(number), "flips" if was != now else ""] for (was, now), number in sorted(found.changes().items())
+        [was, now, str(number), "" if was == now else "flips" if (was, now) in flipping else "no limit was asked for"]
+        for (was, now), number in sorted(found.changes().items())
     ]
     blocks.append(Grid(("verdict", "would be", "runs", ""), rows, right=(2,)))
     flips = found.flips()
@@ -104,11 +107,11 @@ def _blocks(found: Reevaluated) -> list[str | Grid]:
         more = f", the newest {MOST_SHOWN}; --csv has all" if len(flips) > MOST_SHOWN else ""
         blocks += [
             "",
-            f"{len(flips)} runs flip{more}:",
+            f"{counted(len(flips), 'verdict')} would be another one{more}:",
             Grid(("run", "serial", "verdict", "would be", "reasons"), shown),
         ]
     blocks += [f"not evaluated: {run}: {why}" for run, why in sorted(found.failed.items())[:MOST_SHOWN]]
-    replaced = f", {found.died} processes replaced" if found.died else ""
+    replaced = f", {counted(found.died, 'process', 'processes')} replaced" if found.died else ""
     blocks += [
         "",
         f"{found.evaluated} evaluated in {found.seconds:.1f} s, {found.known} known before{replaced}",

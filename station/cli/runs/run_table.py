@@ -8,6 +8,7 @@ from pathlib import Path
 
 from station.cli.out_file import refuse_records, writing
 from station.cli.say import Grid, say
+from station.counted import counted
 from station.documents.manifest import VERDICTS
 from station.errors import StationError
 from station.reports.result_text import number
@@ -46,7 +47,7 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
         with writing(out):
             out.write_text(MARK + csv_of(rows, LOCALES[locale]), encoding="utf-8", newline="")
         if not as_csv and not as_json:
-            sys.stdout.write(f"{len(rows)} runs written to {out}\n")
+            sys.stdout.write(f"{counted(len(rows), 'run')} written to {out}\n")
             return 0
     if as_csv and out is None:
         sys.stdout.write(csv_of(rows, LOCALES[locale]))
@@ -78,4 +79,4 @@ def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
         shown.append(
             [*(text_cell(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
         )
-    return [Grid((*SHOWN, "problems"), shown, right=(2,)), f"{len(rows)} runs"]
+    return [Grid((*SHOWN, "problems"), shown, right=(2,)), counted(len(rows), "run")]

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from recipes import find_bench, load_bench
+from station.counted import counted
 from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
@@ -128,12 +129,16 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
 
 def _lines(folder: Path, one: Verified) -> list[str]:
     """Return what a person reads: how much was checked, then every kind of problem with what to do about it."""
-    signed = f"{one.walk.entries} entries of the chain" if one.chain.there else "no chain: its runs are unsigned"
+    signed = (
+        f"{counted(one.walk.entries, 'entry', 'entries')} of the chain"
+        if one.chain.there
+        else "no chain: its runs are unsigned"
+    )
     gone = f", {one.removed} removed by a retention rule" if one.removed else ""
     gone += (
         f" ({one.only_archived} of them only in the archive: 'lostmotion archive fetch')" if one.only_archived else ""
     )
-    lines = [f"{folder}: {one.runs} runs, {one.concluded} concluded{gone}, {signed}"]
+    lines = [f"{folder}: {counted(one.runs, 'run')}, {one.concluded} concluded{gone}, {signed}"]
     for kind, action in PROBLEMS.items():
         texts = [problem.text for problem in one.problems if problem.kind == kind]
         lines += [f"  {text}" for text in texts[:MOST_OF_A_KIND]]

@@ -15,6 +15,7 @@ from station.archive.place import Place
 from station.archive.push import push, waiting
 from station.archive.settings import ArchiveSettings, load_settings
 from station.cli.say import Grid, say
+from station.counted import counted
 from station.documents.archived import ArchiveLine
 from station.records.archive_note import Note, read_note
 from station.records.chain.chain_file import Chain
@@ -98,7 +99,7 @@ def status(data: Path, *, as_json: bool) -> int:
     to_fetch = " (to bring one back: 'lostmotion archive fetch RUN')" if found.only_archived else ""
     blocks = [
         found.url,
-        f"runs in the archive           {found.runs}, in {found.objects} objects",
+        f"runs in the archive           {found.runs}, in {counted(found.objects, 'object')}",
         f"size                          records {_mb(found.bytes)}, traces {_mb(found.trace_bytes)}",
         f"runs not yet in the archive   {found.waiting}{to_push}",
         f"runs only in the archive      {found.only_archived}{to_fetch}",
@@ -133,16 +134,15 @@ def verify(data: Path, *, as_json: bool) -> int:
     place = Place(load_settings(data))
     found = verify_archive(data, place)
     _into_store(data)
-    blocks: list[str | Grid] = [
-        f"{place.settings.url}: {found.runs} runs in {found.objects} objects, {found.bytes / 1e6:.1f} MB read"
-    ]
-    blocks += [f"{found.noted_again} objects were noted again"] if found.noted_again else []
+    there = f"{counted(found.runs, 'run')} in {counted(found.objects, 'object')}"
+    blocks: list[str | Grid] = [f"{place.settings.url}: {there}, {found.bytes / 1e6:.1f} MB read"]
+    blocks += [f"noted again: {counted(found.noted_again, 'object')}"] if found.noted_again else []
     for kind, action in KINDS.items():
         texts = [one.text for one in found.problems if one.kind == kind]
         blocks += [f"  {text}" for text in texts[:MOST_SHOWN]]
         blocks += [f"  ... and {len(texts) - MOST_SHOWN} more of this kind"] if len(texts) > MOST_SHOWN else []
         blocks += [f"    {action}"] if texts else []
-    blocks.append("passed" if not found.problems else f"NOT PASSED: {len(found.problems)} problems")
+    blocks.append("passed" if not found.problems else f"NOT PASSED: {counted(len(found.problems), 'problem')}")
     problems = [one._asdict() | {"next_action": KINDS[one.kind]} for one in found.problems]
     counts = {name: getattr(found, name) for name in ("objects", "runs", "bytes", "noted_again")}
     say({"url": place.settings.url, **counts, "problems": problems}, blocks, as_json=as_json)
@@ -177,7 +177,7 @@ def ask_archive(data: Path, sql: str, most: int, *, as_csv: bool, as_json: bool)
         return 0
     rows: list[Sequence[str]] = [["" if one is None else str(one) for one in row] for row in found.rows]
     blocks: list[str | Grid] = [Grid(found.columns, rows, folded=True)]
-    blocks.append(f"{len(rows)} rows{', and more: raise --most' if found.more else ''}")
+    blocks.append(f"{counted(len(rows), 'row')}{', and more: raise --most' if found.more else ''}")
     plain_rows = [
         [one if isinstance(one, bool | int | float | None) else str(one) for one in row] for row in found.rows
     ]

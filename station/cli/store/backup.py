@@ -6,6 +6,7 @@ import json
 import sys
 from pathlib import Path
 
+from station.counted import counted
 from station.documents.entries import plain
 from station.records.backup import Kept, back_up, below, restore
 from station.records.verify import verify_folder
@@ -53,12 +54,12 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
         sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
     else:
         lines = [
-            f"{file}: {kept.files} files, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
+            f"{file}: {counted(kept.files, 'file')}, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
             ", ".join(
                 [
-                    f"{data}: {found.runs} runs",
+                    f"{data}: {counted(found.runs, 'run')}",
                     *(f"{one.runs} {name}" for name, one in others.items()),
-                    f"{found.walk.entries} entries of the chain",
+                    f"{counted(found.walk.entries, 'entry', 'entries')} of the chain",
                 ]
             ),
             *([] if head is None else [f"audit trail: {head.lines} lines, head {head.head_sha256}"]),

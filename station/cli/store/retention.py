@@ -9,6 +9,7 @@ from pathlib import Path
 from station.archive.fetch import why_not_archived
 from station.archive.place import Place
 from station.archive.settings import load_settings
+from station.counted import counted
 from station.documents.entries import plain
 from station.errors import StationError
 from station.records.backup import backed_up
@@ -72,7 +73,9 @@ def apply_retention(data: Path, rules: Path | None, backup: Path | None, operato
     if as_json:
         sys.stdout.write(json.dumps(plain(done), ensure_ascii=False) + "\n")
     else:
-        sys.stdout.write(f"{len(done.removed)} runs removed, {len(done.kept)} kept. See 'lostmotion verify'\n")
+        sys.stdout.write(
+            f"{counted(len(done.removed), 'run')} removed, {len(done.kept)} kept. See 'lostmotion verify'\n"
+        )
     return EXIT_KEPT if done.kept else 0
 
 

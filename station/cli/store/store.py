@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from station.counted import counted
 from station.documents.entries import plain
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
@@ -80,6 +81,8 @@ def _say(found: StoreState, *, as_json: bool) -> int:
     sys.stdout.writelines(f"  {name:14} {count:8}\n" for name, count in found.rows.items())
     left = found.behind
     sys.stdout.write(
-        "up to date with the chain\n" if not left else f"behind by {left} entries. The next 'list' brings it up\n"
+        "up to date with the chain\n"
+        if not left
+        else f"behind by {counted(left, 'entry', 'entries')}. The next 'list' brings it up\n"
     )
     return 0

@@ -20,6 +20,7 @@ from station.cli.line.line_statistics import FromFile as FromColumn
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import FromRuns, StoredValues, values_of_sides
 from station.cli.say import Grid, say
+from station.counted import counted
 from station.documents.entries import alongside
 from station.errors import StationError
 from station.records.program_file import StoredProgram
@@ -199,7 +200,7 @@ def temperature(
         ("spread about the line", figure(one.residual_sd, unit, 3), ""),
     ]
     blocks: list[str | Grid] = [
-        f"{found.name}: {one.runs} runs from {one.low_c:.1f} to {one.high_c:.1f} °C",
+        f"{found.name}: {counted(one.runs, 'run')} from {one.low_c:.1f} to {one.high_c:.1f} °C",
         Grid(("", "", ""), rows, right=(1,)),
         f"The metric {means} on temperature (p of no slope: {one.p_none:.2g})",
     ]

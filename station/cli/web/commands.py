@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+from station.counted import counted
 from station.documents.entries import plain
 
 if TYPE_CHECKING:
@@ -75,7 +76,10 @@ def audit_verify(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
         found = {**head._asdict(), "problems": problems}
         sys.stdout.write(json.dumps(found) + "\n")
     else:
-        lines = [*problems, f"{head.lines} lines, head {head.head_sha256}: {'CHANGED' if problems else 'unchanged'}"]
+        lines = [
+            *problems,
+            f"{counted(head.lines, 'line')}, head {head.head_sha256}: {'CHANGED' if problems else 'unchanged'}",
+        ]
         sys.stdout.write("\n".join(lines) + "\n")
     raise typer.Exit(1 if problems else 0)
 

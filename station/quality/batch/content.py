@@ -8,6 +8,7 @@ from pathlib import Path
 
 from analysis.line.proportions import Proportion
 from definitions.metrics import METRICS
+from station.counted import counted
 from station.documents.result import Limits
 from station.errors import StationError
 from station.quality.figures import CapabilityRow, capability_of, causes_of, yield_of
@@ -86,8 +87,8 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
     first, final = yields.whole.first_pass, yields.whole.final
     spans = sorted(moment for _, moment in serials.values())
     notes = ["VIRTUAL: units of the virtual bench"] if lot.virtual else []
-    notes += [f"{behind} runs are not in the store yet"] if behind else []
-    notes += [f"{without} loops could not be drawn"] if without else []
+    notes += [f"not in the store yet: {counted(behind, 'run')}"] if behind else []
+    notes += [f"not drawn: {counted(without, 'loop')}"] if without else []
     facts = (
         ("Recipe", lot.recipe or ""), ("Model", lot.model or "any"), ("Bench", lot.bench or "any"),
         ("First attempts", str(first.of)), ("Units with a valid first measurement", str(len(by_run))),

@@ -77,6 +77,38 @@ def dfq_of_run(production: Production, run: str, program: str) -> Written:
     return _file(production, [run], metrics_of_run(production, run), program)
 
 
+@dataclass(frozen=True, slots=True)
+class Alike:
+    """Runs that a file can hold together: they mean the same by their metrics, and have the same limits."""
+
+    runs: tuple[str, ...]
+    there: tuple[Characteristic, ...]
+
+
+def alike(production: Production, runs: Sequence[str], *, virtual: bool) -> list[Alike]:
+    """Return those of the runs that count, as few files as hold them, each in the order of its runs.
+
+    A run counts as for `dfq_of_lot`: complete, unaltered, of a product, and signed by nobody or somebody known.
+    """
+    if not runs:
+        return []
+    asked = production.of(select(RUNS.c.run).select_from(RUNS), Lot(virtual=virtual), attempts=None)
+    asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.run >= min(runs), RUNS.c.run <= max(runs))
+    wanted = set(runs)
+    found: dict[tuple[Characteristic, ...], list[str]] = {}
+    for run in production.connection.execute(asked.order_by(RUNS.c.run)).scalars():
+        if run in wanted:
+            there = metrics_of_run(production, run)
+            # in one order: which side judged differs from run to run
+            found.setdefault(tuple(one._replace(sides=tuple(sorted(one.sides))) for one in there), []).append(run)
+    return [Alike(tuple(of_file), there) for there, of_file in found.items()]
+
+
+def dfq_of_runs(production: Production, group: Alike, program: str) -> Written:
+    """Return runs that are alike as a file; StationError where none has a metric, DfqError as `dfq_of_lot`."""
+    return _file(production, group.runs, group.there, program)
+
+
 def _file(production: Production, runs: Sequence[str], there: Sequence[Characteristic], program: str) -> Written:
     places = {(*_key(one), side): None for one in there for side in one.sides}
     numbers = {key: number for number, key in enumerate(places)}

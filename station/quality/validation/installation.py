@@ -7,6 +7,7 @@ from pathlib import Path
 
 from recipes import find_bench
 from station.bench.request import Source, find_profile
+from station.counted import counted
 from station.documents.validation import INSTALLATION, MET, OPEN, Evidence, judged
 from station.records.chain.keys import own_public_key
 from station.records.recipe_revisions import History, State
@@ -86,7 +87,7 @@ def _computer() -> Iterator[Evidence]:
 def _records(data: Path) -> Iterator[Evidence]:
     found = verify_folder(data)
     problems = [one.text for one in found.problems]
-    counts = f"{found.runs} runs, {found.concluded} concluded, {found.removed} removed by rule"
+    counts = f"{counted(found.runs, 'run')}, {found.concluded} concluded, {found.removed} removed by rule"
     yield _of(
         "No run is missing or altered: chain, signatures, every file",
         f"{counts}: {some(problems)}" if problems else counts,
@@ -100,7 +101,7 @@ def _recipes(data: Path) -> Iterator[Evidence]:
     problems = [*history.problems, *history.text_problems()]
     yield _of(
         "The history of the recipes is complete and signed",
-        some(problems) or f"{len(history.entries)} entries",
+        some(problems) or counted(len(history.entries), "entry", "entries"),
         judged(not problems),
         f"lostmotion verify --data {data}",
     )

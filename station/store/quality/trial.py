@@ -5,6 +5,7 @@ The rules are those of `analysis.evaluation.verdict`, said in SQL: a test holds 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, and_, case, func, literal, null, or_, select
@@ -28,12 +29,13 @@ class Rule(NamedTuple):
 
 
 class Flip(NamedTuple):
-    """A run whose verdict is another under the new rule."""
+    """A run whose verdict is another under the new rule; why: what decides by the rule, in words."""
 
     run: str
     serial: str
     before: str
     after: str
+    why: str = ""
 
 
 def flips(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> dict[tuple[str, str], int]:
@@ -50,7 +52,7 @@ def flipped(production: Production, lot: Lot, what: Characteristic, rule: Rule, 
     names = case(NAMES, value=runs.c.after)
     asked = select(runs.c.run, runs.c.serial, runs.c.before, names).where(runs.c.before != names)
     asked = asked.order_by(runs.c.run.desc()).limit(most)
-    return [Flip._make(row) for row in production.connection.execute(asked).tuples()]
+    return [Flip(*row) for row in production.connection.execute(asked).tuples()]
 
 
 class TriedRun(NamedTuple):
@@ -76,6 +78,28 @@ def tried_runs(production: Production, lot: Lot, what: Characteristic, rule: Rul
     )
     asked = select(*columns).select_from(runs).join(RUNS, together).order_by(runs.c.run)
     return [TriedRun._make(row) for row in production.connection.execute(asked).tuples()]
+
+
+class TriedSide(NamedTuple):
+    """A side of the metric in a run, by which the rule judges it."""
+
+    side: str
+    value: float | None
+    uncertainty: float | None
+
+
+def tried_sides(production: Production, what: Characteristic, runs: Sequence[str]) -> dict[str, list[TriedSide]]:
+    """Return the sides of a metric in each of some runs."""
+    found: dict[str, list[TriedSide]] = {run: [] for run in runs}
+    if not found:
+        return found
+    asked = select(METRICS.c.run, METRICS.c.side, METRICS.c.value, METRICS.c.uncertainty)
+    asked = asked.where(metrics_from(production, min(found)), METRICS.c.run <= max(found))
+    asked = asked.where(*(func.coalesce(METRICS.c[name], "") == getattr(what, name) for name in MEANING))
+    for run, *side in production.connection.execute(asked.order_by(METRICS.c.run, METRICS.c.side)):
+        if run in found:
+            found[run].append(TriedSide(*side))
+    return found
 
 
 def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> Any:

@@ -21,8 +21,8 @@ from station.web.labels.template import LabelError, Source, filled
 
 COMPLETE = "complete"
 NO_LABEL = (
-    "Master parts, virtual units, and runs that did not complete, are of a study, had faults injected or have a recipe "
-    "that is not released get none"
+    "Master parts, virtual units, and runs that did not complete, had faults injected, are part of a study or have a "
+    "recipe that is not released get none"
 )
 
 
@@ -77,7 +77,7 @@ def _wait_for_its_name(record: RunRecord) -> None:
 
 
 def gets_label(data: Path, manifest: Manifest, labels: Labels) -> bool:
-    """Say whether the unit of a run gets a label: by its verdict, never of a master part, a study or faults.
+    """Say whether the unit of a run gets a label: by its verdict, never of a master part, a study or with faults.
 
     Nor does one whose limits nobody has released, as a technician's trial by `lostmotion run`.
     """

@@ -10,6 +10,7 @@ from analysis.line.proportions import Cause, Proportion
 from analysis.line.run_rules import RULES
 from definitions.checks import CHECKS
 from definitions.metrics import METRICS
+from station.counted import counted
 from station.documents.result import Limits
 from station.quality.bench_ability import Due, PartFigure
 from station.quality.figures import CapabilityFigure, CapabilityRow, ChartFigure, TrendFigure, YieldFigure
@@ -91,7 +92,7 @@ def causes_html(head: str, causes: Sequence[Cause]) -> str:
     rows = [(cause_title(one.name), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
     rest = causes[MOST_BARS:]
     if rest:
-        rows.append((f"{len(rest)} others", sum(one.number for one in rest), sum(one.share for one in rest), ""))
+        rows.append((counted(len(rest), "other"), sum(one.number for one in rest), sum(one.share for one in rest), ""))
     body = "".join(
         f'<tr style="background: linear-gradient(to right, #b9c4cc {100 * share:.1f}%, transparent 0)">'
         f'<td>{escape(name)}</td><td class="n">{number}</td><td class="n">{cumulative}</td></tr>'
@@ -161,7 +162,7 @@ def chart_words(found: ChartFigure, units_per_hour: float = 60.0) -> str:
     chart, ends = found.chart, found.run_length
     error = f" ± {ends.standard_error:.1g}" if ends.standard_error else ""
     signals = len(chart.signals) + len(chart.spread_signals)
-    said = "In control." if chart.in_control else f"{signals} signals: out of control."
+    said = "In control." if chart.in_control else f"{counted(signals, 'signal')}: out of control."
     hours = 1.0 / found.false_alarms_per_hour(units_per_hour)
     return (
         f"{said} On average these rules raise a false alarm every {ends.points:.4g}{error} points "

@@ -20,6 +20,7 @@ from sqlalchemy import (
     Engine,
     Float,
     Integer,
+    LargeBinary,
     MetaData,
     String,
     Table,
@@ -194,6 +195,41 @@ LABELS_READ = Table(
     "labels_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
 )
 """One row: up to which byte the chain of runs was looked at for labels."""
+
+AQDEF_FILES = Table(
+    "aqdef_files", METADATA,
+    Column("number", Integer, primary_key=True),
+    Column("per", String(8), nullable=False),
+    Column("part", Text, nullable=False),
+    Column("hour", String(16), nullable=False),
+    Column("units", Integer, nullable=False),
+    Column("last_s", Float, nullable=False),
+    Column("stage", String(16), nullable=False, index=True),
+    Column("name", String(255), nullable=False, default=""),
+    Column("content", LargeBinary),
+    Column("sha256", String(64), nullable=False, default=""),
+    Column("tries", Integer, nullable=False, default=0),
+    Column("next_s", Float, nullable=False, default=0.0),
+    Column("last_error", Text, nullable=False, default=""),
+    Column("written_at", String(40)),
+)  # fmt: skip
+"""AQDEF files in the order in which their first runs were sealed, and how far each came.
+
+One that is made has its name and bytes, which are written as they are however often it takes.
+"""
+
+AQDEF_RUNS = Table(
+    "aqdef_runs", METADATA,
+    Column("run", String(200), primary_key=True),
+    Column("file", Integer, nullable=False, index=True),
+    Column("why", Text, nullable=False),
+)  # fmt: skip
+"""Runs by the file that they are in; one that is in none says why: its file is 0, or the one that left it out."""
+
+AQDEF_READ = Table(
+    "aqdef_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
+)
+"""One row: up to which byte the chain of runs was looked at for AQDEF files."""
 
 
 STEPS = ("DROP TABLE IF EXISTS requests",)

@@ -22,6 +22,7 @@ from station.web.actions.perform import perform
 from station.web.actions.row import BAD_INPUT, NOT_ALLOWED, NOT_ENTERED, NOT_READY, Action
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import Refused, refusal
+from station.web.aqdef.outbox import waiting as aqdef_waiting
 from station.web.bypasses import bypasses_now
 from station.web.guard import Keep
 from station.web.labels.outbox import awaited
@@ -39,6 +40,7 @@ from station.web.people.accounts import (
 )
 from station.web.people.badges import PinNeededError, enter_by_badge
 from station.web.rest.answers import CookieToken, answers, not_entered, refused_with
+from station.web.rest.batch import add_batch
 from station.web.rest.recipes import add_recipes
 from station.web.rest.runs import add_certificates, add_run_table, add_runs
 from station.web.station import Station
@@ -102,6 +104,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     add_runs(app, station, refuse)
     add_run_table(app, station, refuse)
     add_certificates(app, station, refuse)
+    add_batch(app, station, refuse)
     add_recipes(app, station, refuse)
     for row in ACTIONS.values():
         doing = _endpoint(station, row)
@@ -164,6 +167,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             bypasses = [str(one) for one in bypasses_now(connection)]
             left = None if station.mes is None else waiting(connection)
             label = None if station.labels is None else awaited(connection, station.labels)
+            files = None if station.aqdef is None else aqdef_waiting(connection)
         return JSONResponse({
             "stage": found.stage, "serial": found.serial, "run": found.run, "attempt": found.attempt,
             "recipe": found.recipe, "refused": found.refused, "altered": list(found.altered),
@@ -176,6 +180,7 @@ def _add_readings(app: FastAPI, station: Station) -> None:
             "bypasses": bypasses,
             "label": None if label is None else label._asdict(),
             "webhooks": None if left is None else {"waiting": left.messages, "last_error": left.last_error},
+            "aqdef": None if files is None else files._asdict(),
         })  # fmt: skip
 
     @app.get(

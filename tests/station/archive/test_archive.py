@@ -143,7 +143,7 @@ def test_the_command_removes_what_the_archive_holds_and_asks_for_a_backup_where_
     assert here("archive", "push", "--data", str(data)).exit_code == 0
     first = Store(data).runs()[0]
     told = here(*words)
-    assert "1 runs removed" in told.out, told
+    assert "1 run removed" in told.out, told
     assert not first.folder.exists()
     assert here("archive", "status", "--data", str(data), "--json").json["only_archived"] == 1
     with look_at(data) as view:

@@ -80,7 +80,7 @@ def test_a_german_spreadsheet_takes_the_file(data: Path, tmp_path: Path) -> None
 def test_the_screen_names_what_failed_and_json_has_the_numbers(data: Path) -> None:
     said = here("runs", "--data", str(data), "--verdict", "FAIL").out
     assert "A3" in said
-    assert "1 runs" in said
+    assert "1 run" in said
     found = json.loads(here("runs", "--data", str(data), "--json").out)["runs"]
     assert [len(run["metrics"]) for run in found] == [2, 2, 2, 2]
     first = found[0]["metrics"][0]

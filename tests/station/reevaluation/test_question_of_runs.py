@@ -191,8 +191,11 @@ def test_limits_are_one_statement_with_a_ledger_like_any_other(golden_run: Any, 
     assert told.exit_code == 0, told
     assert told.json["changes"] == [{"before": "NOT DECIDABLE", "after": "FAIL", "runs": 1}]
     assert [one["serial"] for one in told.json["flips"]] == ["R"]
+    assert "is beyond max 1" in told.json["flips"][0]["reasons"][0]
     again = here(*words)
-    assert [text in again.out for text in ("0 evaluated", "1 known before", "1 runs flip")] == [True] * 3
+    assert [text in again.out for text in ("0 evaluated", "1 known before", "1 verdict would be another one")] == [
+        True
+    ] * 3
     rows = list(csv.reader(io.StringIO(here(*words, "--csv").out)))
     assert (len(rows), rows[1][4]) == (2, "yes")
     assert {path.suffix for path in (data / FOLDER).iterdir()} == {".jsonl", ".txt", ".lock"}
@@ -205,6 +208,16 @@ def test_the_command_evaluates_real_runs_in_processes_of_its_own(folder: Path, s
     assert told.exit_code == 0, told
     assert told.json["changes"] == [{"before": "PASS", "after": "FAIL", "runs": 1}]
     assert Store(folder / "good").find("last").manifest().verdict == "PASS"
+
+
+def test_a_metric_without_a_limit_flips_nothing(folder: Path) -> None:
+    """It says a value; that the run would not pass by it alone is no other verdict."""
+    words = ("reevaluate", "--metric", METRICS[1], "--archive", "--workers", "1", "--data", str(folder / "good"))
+    told = here(*words, "--json")
+    assert told.json["changes"] == [{"before": "PASS", "after": "NOT DECIDABLE", "runs": 1}]
+    assert told.json["flips"] == []
+    shown = here(*words).out
+    assert ("no limit was asked for" in shown, "flip" in shown) == (True, False)
 
 
 REFUSED = {

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import contextlib
-import io
-import sys
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 
 import pytest
+from aqdef_reader import by_another_program
 from lostmotion_command import here
 from stored_runs import metric, store_run
 
@@ -17,10 +15,6 @@ from station.quality.dfq.check import DfqError, DfqFile, checked_dfq
 from station.quality.dfq.fields import ENCODING, FIELDS, IN_A_VALUE, LIMITS
 from station.quality.dfq.write import dfq_of_lot
 from station.store.quality.lot import Lot, production
-
-with pytest.MonkeyPatch.context() as patch:
-    patch.setattr(sys, "path", [one for one in sys.path if Path(one).name != "without_pandas"])
-    import aqdefreader
 
 LOT = Lot(recipe="inverse")
 FROM = 10
@@ -53,15 +47,9 @@ def good(folder: Path) -> bytes:
         return dfq_of_lot(look, LOT, "a test").content
 
 
-def by_another_program(content: bytes, path: Path) -> aqdefreader.DfqFile:
-    path.write_bytes(content)
-    with contextlib.redirect_stdout(io.StringIO()):
-        return aqdefreader.DfqFile(content.decode(ENCODING).splitlines())
-
-
-def test_a_lot_is_read_back_with_value_limits_serial_and_events(good: bytes, tmp_path: Path) -> None:
+def test_a_lot_is_read_back_with_value_limits_serial_and_events(good: bytes) -> None:
     ours: DfqFile = checked_dfq(good)
-    part = by_another_program(good, tmp_path / "lot.dfq").get_part(0)
+    part = by_another_program(good).get_part(0)
     assert [row.serial for row in ours.rows] == ["SN-0", "SN-1", "SN-2", "SN-3", "AGAIN", "AGAIN"]
     assert len(ours.characteristics) == 3
     for number, one in enumerate(ours.characteristics, start=1):

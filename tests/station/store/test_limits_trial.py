@@ -19,7 +19,7 @@ from benchmarks.many_runs import make_runs
 from recipes import parse_recipe
 from station.documents.result import Result
 from station.errors import StationError
-from station.quality.limits_trial import Tried, _side_risks, draft_of, limits_trial
+from station.quality.limits_trial import Tried, _side_risks, draft_of, flips_with_reasons, limits_trial
 from station.records.data_folder import Store
 from station.records.recipe_revisions import History, State
 from station.records.run_record import RESULT
@@ -27,8 +27,7 @@ from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips, tried_runs
 from station.store.quality.values import ValueRow, characteristic
 
-COUNT = 300
-"""Tried with 1000 too; the cases are the same."""
+COUNT = 1000
 LOT = Lot(recipe="small")
 
 
@@ -90,6 +89,25 @@ def test_flips_are_those_of_judging_each_run_alone(
     assert len(every) == sum(expected.values())
 
 
+@pytest.mark.parametrize("name", RULES)
+def test_a_flip_names_what_decides_it(folder: Path, results: dict[str, Result], name: str) -> None:
+    rule = RULES[name]
+    with production(folder) as look:
+        what = characteristic(look, LOT, "lost_motion")
+        found = flips_with_reasons(look, LOT, what, rule, COUNT)
+    words = {"FAIL": "is beyond", "NOT DECIDABLE": "is too near", "PASS": "is within"}
+    for one in found:
+        own = next(metric for metric in results[one.run].metrics if metric.id == "lost_motion")
+        if rule == RULES["no limit"]:
+            assert one.why.startswith("lost_motion has no limit")
+            continue
+        decision = Decision("simple") if rule.guard_factor is None else Decision("guard_band", rule.guard_factor)
+        limits = rule.limit_min, rule.limit_max
+        verdict = worst(judge(side.value, side.uncertainty, limits, decision)[0] for side in own.sides.values())
+        assert words[verdict.value] in one.why
+        assert ("another metric" in one.why) == (verdict.value != one.after)
+
+
 def test_a_value_without_uncertainty_is_not_decidable_by_a_guard_band(tmp_path: Path) -> None:
     for number, u in enumerate((0.01, None)):
         side = {"value": 0.5, "uncertainty": u, "verdict": "PASS"}
@@ -111,6 +129,7 @@ def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None
             limits_trial(look, lot, Tried("torque_ratio_slope", limit_min=2.0, limit_max=1.0))
     assert [(new, number) for _, new, number in found.verdicts] == [("FAIL", 1)]
     assert found.flipped[0].after == "FAIL"
+    assert "is beyond max 1" in found.flipped[0].why
     assert all(one.why for one in found.risks), "one run is no process"
     saved = draft_of(data, found, "A. Tester")
     there = History(data).find(saved.name, saved.revision)

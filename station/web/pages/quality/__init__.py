@@ -1,0 +1,1 @@
+"""The page of quality: the lot and its figures, limits on trial, and whether the bench can measure."""

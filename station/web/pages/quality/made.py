@@ -1,0 +1,137 @@
+"""What the page of quality shows, made of the store in the evaluating process: nothing here knows a page."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from recipes import RecipeError, default_bench, load_bench, load_recipe
+from recipes.schema.bench_schema import Bench
+from station.errors import StationError
+from station.quality.bench_ability import (
+    Due,
+    Part,
+    PartFigure,
+    TypeOneFigure,
+    due_on,
+    part_trend,
+    parts_of,
+    type_one_of,
+)
+from station.quality.figures import (
+    CapabilityFigure,
+    CausesFigure,
+    ChartFigure,
+    TrendFigure,
+    YieldFigure,
+    capability_of,
+    causes_of,
+    chart_of,
+    trend_of,
+    yield_of,
+)
+from station.quality.limits_trial import Trial, Tried, draft_text, limits_trial
+from station.records.data_folder import Store
+from station.store.quality.lot import Lot, production
+from station.wall_clock import WALL_CLOCK
+from station.web.models import Models
+
+CATCH_UP_S = 0.1
+"""Longest time for putting runs into the store that have come since, for each figure."""
+
+SHARE = 0.2
+MOST_FLIPS = 50
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What can be chosen: recipes and models of the folder, master parts with their runs, and what is behind."""
+
+    recipes: tuple[str, ...]
+    models: tuple[str, ...]
+    real: bool
+    parts: tuple[tuple[str, int], ...]
+    behind: int
+
+
+def choices(data: Path) -> Choices:
+    """Return what can be chosen in a data folder."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        recipes, models = look.choices()
+        real = True
+        try:
+            look.refuse_empty(Lot())
+        except StationError:
+            real = False
+        return Choices(
+            tuple(one for one in recipes if one), models, real, parts_of(look, virtual=not real), look.behind
+        )
+
+
+def page_yield(data: Path, lot: Lot, by: str) -> YieldFigure:
+    """Return the yield of a lot over time."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return yield_of(look, lot, by)
+
+
+def page_causes(data: Path, lot: Lot) -> CausesFigure:
+    """Return what hindered a lot."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return causes_of(look, lot)
+
+
+def page_capability(data: Path, lot: Lot) -> CapabilityFigure:
+    """Return the capability of every metric with a limit."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return capability_of(look, lot)
+
+
+def page_chart(data: Path, lot: Lot, metric: str, rules: tuple[str, ...], subgroup: int) -> ChartFigure:
+    """Return the control chart of a metric."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return chart_of(look, lot, metric, rules, subgroup=subgroup)
+
+
+def page_trend(data: Path, lot: Lot, metric: str, by: str) -> TrendFigure:
+    """Return a metric by groups."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return trend_of(look, lot, metric, by)
+
+
+def page_part(data: Path, part: Part) -> PartFigure:
+    """Return a master part over time."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return part_trend(look, part)
+
+
+def page_type_one(data: Path, part: Part, reference: float, tolerance: float | None) -> TypeOneFigure:
+    """Return the type 1 study of a part."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return type_one_of(look, part, reference, tolerance, SHARE)
+
+
+def page_due(data: Path, models: Models) -> tuple[Due, ...]:
+    """Return what is due on each bench of the table of models."""
+    benches: dict[str, Bench] = {}
+    found: list[Due] = []
+    for one in models.models:
+        try:
+            bench = load_bench(one.bench) if one.bench else default_bench(load_recipe(one.recipe))[1]
+        except RecipeError as error:
+            found.append(Due(one.bench or one.model, "bench file", in_order=False, text=str(error).splitlines()[0]))
+            continue
+        benches[bench.bench.name] = bench
+    for bench in benches.values():
+        found += due_on(Store(data), bench, WALL_CLOCK.now())
+    return tuple(found)
+
+
+def page_trial(data: Path, lot: Lot, tried: Tried) -> Trial:
+    """Return what other limits do to a lot."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return limits_trial(look, lot, tried, MOST_FLIPS)
+
+
+def page_draft(data: Path, lot: Lot, tried: Tried) -> str:
+    """Return the recipe of the lot with what was tried, as the text of its next revision."""
+    return draft_text(data, page_trial(data, lot, tried)).decode()

@@ -1,0 +1,229 @@
+"""The page of quality: a lot is chosen, and each figure of it is made beside the server, as the commands make it."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+
+from fastapi import Request, Response
+from fastapi.responses import RedirectResponse
+from nicegui import ui
+
+from analysis.line.run_rules import RULE_SETS
+from station.counted import counted
+from station.store.quality.lot import Lot
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.pages.quality.batch import BatchCard
+from station.web.pages.quality.bench import BenchTab
+from station.web.pages.quality.made import choices, page_capability, page_causes, page_chart, page_trend, page_yield
+from station.web.pages.quality.parts import card, day_of, draw, made_beside
+from station.web.pages.quality.studies import GuidedStudies
+from station.web.pages.quality.trial import TrialCard
+from station.web.pages.quality_figures import (
+    LINE,
+    capability_html,
+    causes_html,
+    chart_options,
+    chart_words,
+    share_html,
+    signals_html,
+    title_of,
+    trend_options,
+    trend_words,
+    yield_options,
+)
+from station.web.people.accounts import Session
+from station.web.rest.runs import begin_of
+from station.web.station import Station
+
+BY_DAY_UP_TO = timedelta(days=62)
+"""Yield is shown by day for a lot of up to so many days, else by month."""
+
+TREND_BY = ("shift", "bench", "operator", "revision", "day", "month")
+
+CAUSES = {"failed": "Metric that failed", "undecided": "No verdict", "alarms": "Alarm, any attempt"}
+"""Causes by their name in the figure, and what stands above them."""
+
+
+def add_quality_page(station: Station) -> None:
+    """Add the page to the running application."""
+
+    @ui.page("/quality", title="lostmotion: quality", response_timeout=LONGEST_BUILD_S)
+    async def quality(request: Request) -> Response | None:
+        if (session := await session_of_page(station, request)) is None:
+            return RedirectResponse("/enter")
+        await _Quality(station, session).build()
+        return None
+
+
+class _Quality:
+    """One open page: the lot that is chosen, and what is shown of it."""
+
+    def __init__(self, station: Station, session: Session) -> None:
+        self._station, self._session = station, session
+        self._filling = False
+        self._behind = ""
+        self._bench = BenchTab(station, lambda: bool(self._virtual.value))
+        self._trial = TrialCard(station, session, self._lot)
+        self._report = BatchCard(self._lot)
+
+    async def build(self) -> None:
+        """Lay the page out; the figures come one after another."""
+        ui.colors(primary=LINE)
+        bar(self._station, self._session, "quality")
+        ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
+        with ui.element("main").classes("lm-page lm-quality"):
+            with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
+                lot = ui.tab("Production")
+                bench = ui.tab("Can this bench measure?")
+                studies = ui.tab("Guided studies")
+            with ui.tab_panels(tabs, value=lot).classes("lm-panels"):
+                with ui.tab_panel(lot):
+                    self._production()
+                with ui.tab_panel(bench):
+                    self._bench.build()
+                with ui.tab_panel(studies):
+                    GuidedStudies(self._station, self._session).build()
+        ui.timer(0.0, self._first, once=True)
+
+    def _production(self) -> None:
+        with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
+            self._recipe = ui.select([], label="Recipe", on_change=self._again).props("outlined dense")
+            self._model = ui.select({"": "any"}, value="", label="Model", on_change=self._again).props("outlined dense")
+            self._since = ui.input("From day", on_change=self._again).props("outlined dense type=date stack-label")
+            self._until = ui.input("To day", on_change=self._again).props("outlined dense type=date stack-label")
+            units = {False: "real units", True: "virtual bench"}
+            self._virtual = ui.select(units, value=False, label="Units", on_change=self._again).props("outlined dense")
+        self._said = ui.label().classes("lm-bypasses").props('role="status" aria-live="polite"')
+        self._said.set_visibility(False)
+        with ui.element("div").classes("lm-quality-grid"):
+            with card("Yield"), ui.element("div").classes("lm-side-by-side"):
+                self._shares = ui.html("", sanitize=False).classes("lm-shares")
+                self._yield = ui.echart({}).classes("lm-picture")
+            with card("What hindered it"), ui.element("div").classes("lm-side-by-side"):
+                self._causes = {name: ui.html("", sanitize=False).classes("lm-causes") for name in CAUSES}
+            with card("Capability of the newest 2000 first attempts"):
+                self._capability = ui.html("", sanitize=False).classes("lm-capability")
+            with card("By group"):
+                with ui.row().classes("lm-choose-row"):
+                    self._by = ui.select(list(TREND_BY), value="shift", label="By", on_change=self._trend).props(
+                        "outlined dense"
+                    )
+                    self._trend_said = ui.label().classes("lm-words")
+                self._trend_chart = ui.echart({}).classes("lm-picture")
+            with card("Control chart").classes("lm-whole-row"):
+                with ui.row().classes("lm-choose-row"):
+                    self._metric = ui.select({}, label="Metric", on_change=self._metric_chosen).props("outlined dense")
+                    self._rules = ui.select(
+                        list(RULE_SETS), value="shewhart", label="Rules", on_change=self._chart
+                    ).props("outlined dense")
+                    self._subgroup = ui.select(
+                        {1: "single values", 3: "3", 5: "5", 10: "10"}, value=5, label="Subgroup",
+                        on_change=self._chart,
+                    ).props("outlined dense")  # fmt: skip
+                    self._chart_said = ui.label().classes("lm-words").props('role="status"')
+                with ui.element("div").classes("lm-side-by-side"):
+                    self._chart_figure = ui.echart({}).classes("lm-picture lm-tall")
+                    self._signals = ui.html("", sanitize=False).classes("lm-signals")
+            self._trial.build()
+            self._report.build()
+
+    async def _first(self) -> None:
+        found = await made_beside(self._station, choices, said=self._say)
+        if found is None:
+            return
+        self._filling = True
+        self._recipe.set_options(list(found.recipes), value=found.recipes[-1] if found.recipes else None)
+        self._model.set_options({"": "any"} | {name: name for name in found.models})
+        self._virtual.set_value(not found.real)
+        self._filling = False
+        self._bench.set_parts(found.parts)
+        if found.behind:
+            left = counted(found.behind, "run")
+            self._behind = f"Not in the store yet: {left}. The store is catching up: look again soon."
+        await self._again()
+        await self._bench.show_due()
+        await self._bench.show_part()
+
+    def _lot(self) -> Lot:
+        return Lot(
+            recipe=self._recipe.value or None,
+            model=self._model.value or None,
+            since=begin_of(day_of(self._since.value)),
+            until=begin_of(day_of(self._until.value), after=True),
+            virtual=bool(self._virtual.value),
+        )
+
+    async def _again(self) -> None:
+        if self._filling or not await still_open(self._station, self._session):
+            return
+        self._say(self._behind)
+        self._trial.forget()
+        self._report.show()
+        await self._show_yield()
+        await self._show_causes()
+        found = await made_beside(self._station, page_capability, self._lot(), said=self._say)
+        self._capability.set_content("" if found is None else capability_html(found))
+        if found is None:
+            return
+        worst = min(found.rows, key=lambda row: 0.0 if row.found is None else row.found.overall.nearest)
+        names = {row.metric.name: title_of(row.metric.metric, row.metric.choices) for row in found.rows}
+        self._filling = True
+        kept = self._metric.value if self._metric.value in names else worst.metric.name
+        self._metric.set_options(names, value=kept)
+        self._filling = False
+        self._bench.set_metrics(names, kept)
+        self._trial.set_metrics(names, kept)
+        await self._chart()
+        await self._trend()
+
+    async def _show_yield(self) -> None:
+        lot = self._lot()
+        known = lot.since is not None and lot.until is not None
+        days = datetime.fromisoformat(lot.until or "") - datetime.fromisoformat(lot.since or "") if known else None
+        by = "day" if days is not None and days <= BY_DAY_UP_TO else "month"
+        found = await made_beside(self._station, page_yield, lot, by, said=self._say)
+        if found is not None:
+            whole = found.whole
+            self._shares.set_content(
+                share_html("First pass", whole.first_pass, "units") + share_html("Final", whole.final, "units")
+            )
+            draw(self._yield, yield_options(found))
+
+    async def _show_causes(self) -> None:
+        found = await made_beside(self._station, page_causes, self._lot(), said=self._say)
+        if found is None:
+            return
+        for name, head in CAUSES.items():
+            self._causes[name].set_content(causes_html(head, getattr(found, name)))
+
+    async def _metric_chosen(self) -> None:
+        await self._chart()
+        await self._trend()
+
+    async def _chart(self) -> None:
+        if self._filling or not self._metric.value:
+            return
+        rules = RULE_SETS[str(self._rules.value)]
+        asked = (self._lot(), self._metric.value, rules, self._subgroup.value)
+        found = await made_beside(self._station, page_chart, *asked, said=self._chart_said.set_text)
+        if found is not None:
+            self._chart_said.set_text(chart_words(found))
+            signals = signals_html(found)
+            self._signals.set_content(signals)
+            self._signals.set_visibility(bool(signals))
+            draw(self._chart_figure, chart_options(found))
+
+    async def _trend(self) -> None:
+        if self._filling or not self._metric.value:
+            return
+        asked = (self._lot(), self._metric.value, self._by.value)
+        found = await made_beside(self._station, page_trend, *asked, said=self._trend_said.set_text)
+        self._trend_chart.set_visibility(found is not None)
+        if found is not None:
+            title = title_of(found.metric.metric, found.metric.choices, found.side)
+            self._trend_said.set_text(f"{title}. {trend_words(found)}")
+            draw(self._trend_chart, trend_options(found))
+
+    def _say(self, text: str) -> None:
+        self._said.set_text(text)
+        self._said.set_visibility(bool(text))

@@ -1,0 +1,52 @@
+"""What the parts of the page of quality are built of: cards, pictures, and figures that are made beside the server."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from datetime import date
+from typing import TypeVar
+
+from nicegui import ui
+
+from analysis.trace.errors import AnalysisError
+from recipes import RecipeError
+from station.errors import StationError
+from station.web.pages.quality_figures import Options
+from station.web.station import Station
+
+Found = TypeVar("Found")
+
+
+async def made_beside(
+    station: Station, make: Callable[..., Found], *asked: object, said: Callable[[str], object]
+) -> Found | None:
+    """Return what is made of the station's folder beside the server; None where it cannot be, which is said."""
+    try:
+        return await asyncio.to_thread(station.evaluations.figure, make, station.data, *asked)
+    except (StationError, AnalysisError, RecipeError) as error:
+        said(str(error).replace(f"{station.data}: ", "").replace(f"{station.data}/", ""))
+        return None
+
+
+def card(head: str) -> ui.element:
+    """Return a card with its head."""
+    found = ui.element("section").classes("lm-card lm-quality-card")
+    with found:
+        ui.html(f"<h2>{head}</h2>", sanitize=False)
+    return found
+
+
+def draw(chart: ui.echart, options: Options) -> None:
+    """Show a picture in place of the one before."""
+    chart.options.clear()
+    chart.options.update(options)
+    chart.update()
+
+
+def day_of(text: str | None) -> date | None:
+    """Return the day of a field, None where it has none."""
+    try:
+        return date.fromisoformat(text or "")
+    except ValueError:
+        return None

@@ -212,7 +212,9 @@ class SdoNode:
             return transfer()
         except SdoAbortedError as error:
             hint = explain_abort(error.code)
-            raise SdoFailure(f"abort 0x{error.code:08X}, {hint.cause}", hint.next_action, error.code) from error
+            raise SdoFailure(
+                f"the device refused: abort 0x{error.code:08X}, {hint.cause}", hint.next_action, error.code
+            ) from error
         except SdoCommunicationError as error:
             raise SdoFailure("no answer", "check power, node id, bit rate, cable and termination") from error
         except (can.CanError, OSError, ValueError) as error:

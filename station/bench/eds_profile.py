@@ -111,7 +111,7 @@ def read_eds(path: Path) -> objectdictionary.ObjectDictionary:
     except (ConfigError, ValueError, KeyError, AttributeError, TypeError) as error:
         raise _unreadable(path, f"this is not an EDS file: {error}") from error
     if not len(found):
-        raise _unreadable(path, "the file contains no objects")
+        raise _unreadable(path, "no parameters (objects) of a drive in this file")
     return found
 
 

@@ -100,7 +100,9 @@ def compiled(job: Job, program: Path, ports: Ports | None, *, waits: bool = Fals
     """
     content = as_json(plain(job.program))
     if exact(Program, json.loads(content), unlimited=True) != job.program:
-        raise StationError(f"{program}: the program of this recipe cannot be written as JSON and read back")
+        raise StationError(
+            f"{program}: the scan process cannot take the steps of this recipe. Report it with the recipe"
+        )
     return Compiled(
         program=str(program),
         program_sha256=hashlib.sha256(content).hexdigest(),

@@ -11,7 +11,7 @@ import typer
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
 
 bench_app = typer.Typer(
-    help="Commission a new bench, step by step, with a protocol beside its file.",
+    help="Commission a new bench, step by step; a record of it is kept beside the bench file.",
     no_args_is_help=True,
 )
 

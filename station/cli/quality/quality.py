@@ -226,7 +226,7 @@ def print_trend(  # noqa: PLR0917 - what is asked for
     blocks.append(
         f"standard deviation within one {by} {figure(one.sd_within, unit, 3)}, between them "
         f"{figure(one.sd_between, unit, 3)} "
-        f"({percent(one.share_between)} of the variance); p-value of no difference {one.p_same:.2g}"
+        f"({percent(one.share_between)} of the variance); by chance alone: probability {one.p_same:.2g}"
     )
     notes += _meanings([(found.metric.name, found.other_meanings)])
     return say(found, [*blocks, *notes], as_json=as_json)

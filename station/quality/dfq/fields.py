@@ -69,7 +69,7 @@ EVENTS: dict[int, str] = {
     2: "the run's verdict is FAIL",
     3: "the run's verdict is NOT DECIDABLE",
     4: "the value is beyond its limit",
-    5: "unit of the virtual bench",
+    5: "simulated unit of the virtual bench",
 }
 """Numbers of K0005, and what they say."""
 

@@ -165,7 +165,7 @@ def _rows(production: Production, runs: Sequence[str]) -> list[Row[Any]]:
 
 
 def _head(newest: Row[Any], count: int, program: str) -> list[str]:
-    remark = f"{program}; unit of the virtual bench" if newest.virtual else program
+    remark = f"{program}; simulated unit of the virtual bench" if newest.virtual else program
     lines = [f"K0100 {count}", f"K1001/1 {newest.model}", f"K1002/1 {newest.recipe} revision {newest.revision}"]
     return [*lines, *([f"K1081/1 {newest.bench}"] if newest.bench else []), f"K1900/1 {remark}"]
 

@@ -248,7 +248,7 @@ def trend_words(found: TrendFigure) -> str:
     apart = [group.name for group in one.groups if not group.low <= one.mean <= group.high]
     said = f"Apart from the others: {', '.join(apart)}." if apart else "No group is apart from the others."
     between = f"{percent(one.share_between)} of the variance lies between them"
-    return f"{said} {between} (p-value of no difference {one.p_same:.2g})."
+    return f"{said} {between} (by chance alone: probability {one.p_same:.2g})."
 
 
 def part_options(found: PartFigure) -> Options:

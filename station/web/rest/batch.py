@@ -17,6 +17,7 @@ from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
 from station.web.rest.runs import Part
 from station.web.station import Station
 
+ZIP = "application/zip"
 ADDRESS = "/api/batch.zip"
 LOOPS = (0, 10, 30)
 """How many loops the page offers to draw."""
@@ -40,7 +41,7 @@ def add_batch(app: FastAPI, station: Station, refuse: Refuse) -> None:
 
     @app.get(
         ADDRESS, summary="the report of a batch: page, PDF and tables as CSV, in one ZIP file", tags=["runs"],
-        **answers(200, 401, 403, 409, 422, 503),
+        **answers(200, 401, 403, 409, 422, 503, media=ZIP),
     )  # fmt: skip
     def batch(  # noqa: PLR0917 - every one is named in the address
         token: CookieToken = None,
@@ -64,7 +65,7 @@ def add_batch(app: FastAPI, station: Station, refuse: Refuse) -> None:
         except (StationError, AnalysisError, RecipeError) as error:
             return refused_with(NOT_NOW, "batch", str(error).replace(f"{station.data}: ", ""))
         headers = {"Content-Disposition": 'attachment; filename="batch.zip"'}
-        return Response(content, media_type="application/zip", headers=headers)
+        return Response(content, media_type=ZIP, headers=headers)
 
 
 def _text(moment: datetime | None) -> str | None:

@@ -7,7 +7,7 @@ from datetime import UTC, date, datetime, timedelta
 from typing import Annotated, Literal, NamedTuple
 from urllib.parse import quote
 
-from fastapi import FastAPI, Query, Response
+from fastapi import Depends, FastAPI, Query, Response
 from fastapi.responses import JSONResponse
 
 from station.errors import StationError
@@ -91,8 +91,8 @@ def begin_of(day: date | None, *, after: bool = False) -> str | None:
 
 
 def _wanted(  # noqa: PLR0917 - as they stand in the address
-    serial: str | None, unit: str | None, model: str | None, recipe: str | None, verdict: str | None,
-    operator: str | None, since: date | None, until: date | None,
+    serial: Part = None, unit: Part = None, model: Part = None, recipe: Part = None, verdict: Verdict | None = None,
+    operator: Part = None, since: Day = None, until: Day = None,
 ) -> Wanted:  # fmt: skip
     """Return which runs are meant; serial: how the number begins, unit: all of it."""
     return Wanted(
@@ -105,23 +105,15 @@ def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
     """Add the endpoints; refuse: what is answered to whoever is not logged in, by the session's cookie."""
 
     @app.get("/api/runs", summary="runs, newest first", tags=["runs"], **answers(200, 401, 403, 422, 503))
-    def runs(  # noqa: PLR0917 - every one is named in the address
+    def runs(
+        wanted: Annotated[Wanted, Depends(_wanted)],
         token: CookieToken = None,
-        serial: Part = None,
-        unit: Part = None,
-        model: Part = None,
-        recipe: Part = None,
-        verdict: Verdict | None = None,
-        operator: Part = None,
-        since: Day = None,
-        until: Day = None,
         first: Annotated[int, Query(ge=0, le=10**9)] = 0,
         count: Annotated[int, Query(ge=1, le=MOST_ROWS)] = 100,
     ) -> Response:
         refused = refuse(token)
         if refused is not None:
             return refused
-        wanted = _wanted(serial, unit, model, recipe, verdict, operator, since, until)
         page = search(station.data, wanted, first=first, count=count)
         shown = [{name: getattr(row, name) for name in SHOWN} for row in page.rows]
         return JSONResponse({"total": page.total, "behind": page.behind, "runs": shown})
@@ -154,22 +146,14 @@ def add_run_table(app: FastAPI, station: Station, refuse: Refuse) -> None:
         "/api/runs.csv", summary="runs with their metrics, oldest first, a row a run, as a table for a spreadsheet",
         tags=["runs"], **answers(200, 401, 403, 422, 503, media=CSV),
     )  # fmt: skip
-    def table(  # noqa: PLR0917 - every one is named in the address
+    def table(
+        wanted: Annotated[Wanted, Depends(_wanted)],
         token: CookieToken = None,
-        serial: Part = None,
-        unit: Part = None,
-        model: Part = None,
-        recipe: Part = None,
-        verdict: Verdict | None = None,
-        operator: Part = None,
-        since: Day = None,
-        until: Day = None,
         locale: Literal["en", "de"] = "en",
     ) -> Response:
         refused = refuse(token)
         if refused is not None:
             return refused
-        wanted = _wanted(serial, unit, model, recipe, verdict, operator, since, until)
         total = search(station.data, wanted, first=0, count=1).total
         if total > MOST_IN_TABLE:
             words = (

@@ -94,7 +94,7 @@ def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
     )
     assert command_faults.run(path, command_faults.How(), as_json=False) == 1
     said = capsys.readouterr().out
-    assert "io.guard open had no effect: its trigger (torque_out_above_nm 9000.0) was not reached" in said
+    assert "the fault io.guard open had no effect: its trigger (torque_out_above_nm 9000.0) was not reached" in said
 
 
 @pytest.mark.parametrize(

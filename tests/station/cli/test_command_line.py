@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 from lostmotion_command import ROOT, here
 from shipped_copies import simple_acceptance
 
-from station.cli import app
+from station.cli import command_line
 
 RECIPE = "recipes/rv-40e-121-inverse.yaml"
 
@@ -241,7 +240,7 @@ def commands_with_json(group: Any, *before: str) -> Iterator[tuple[str, ...]]:
             yield (*before, name)
 
 
-@pytest.mark.parametrize("words", list(commands_with_json(typer.main.get_command(app))), ids=" ".join)
+@pytest.mark.parametrize("words", list(commands_with_json(command_line())), ids=" ".join)
 def test_every_command_with_json_refuses_in_json(words: tuple[str, ...]) -> None:
     done = here(*words, "--nonsense", "--json")
     assert done.exit_code == 2

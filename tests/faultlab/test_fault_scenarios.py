@@ -319,7 +319,8 @@ def test_a_moment_that_does_not_come_fails_at_its_line_and_says_what_came(tmp_pa
         == 1
     )
     (wrong,) = [line for line in capsys.readouterr().out.splitlines() if "mine.yaml:" in line]
-    assert "mine.yaml:3:5: the fault io.guard open had no effect: its trigger (state ramp_pos, after_scans 30000)" in wrong
+    due = "its trigger (state ramp_pos, after_scans 30000)"
+    assert f"mine.yaml:3:5: the fault io.guard open had no effect: {due}" in wrong
     assert "ramp_pos lasted" in wrong
     assert "complete at scan" in wrong
 

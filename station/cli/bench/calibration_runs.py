@@ -56,9 +56,7 @@ def measured_ratio(record: RunRecord) -> MeasuredRatio:
     """
     altered = alterations(record, samples=False)
     if altered:
-        raise StationError(
-            f"run {record.id} was not used: its record was altered ({altered[0]}). Choose another run"
-        )
+        raise StationError(f"run {record.id} was not used: its record was altered ({altered[0]}). Choose another run")
     if not (record.folder / CALIBRATION).is_file():
         raise StationError(
             f"run {record.id} measured no torque ratio. Name a complete run of a recipe with a step 'calibrate'"

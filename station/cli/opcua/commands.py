@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from station.opcua.outbox import Outbox
 
-opcua_app = typer.Typer(help="The bench as an OPC UA server for the systems of a plant.", no_args_is_help=True)
+opcua_app = typer.Typer(help="Serve the bench to the systems of a plant by OPC UA.", no_args_is_help=True)
 
 
 def _needs_asyncua() -> None:
@@ -130,7 +130,9 @@ def _outbox(data: Path) -> Iterator[Outbox]:
     from station.web.people.database import FILE, StationDatabase
 
     if not (data / FILE).is_file():
-        raise StationError(f"{data}: has no {FILE}: no server ran with this folder. Name another folder with --data")
+        raise StationError(
+            f"folder {data} has no {FILE}: no server ran with this folder. Name another folder with --data"
+        )
     database = StationDatabase(data)
     try:
         yield Outbox(database, data)

@@ -188,7 +188,7 @@ def test_a_run_that_starts_concludes_those_of_its_own_bench_and_says_so(deserted
     data = str(deserted.folder.parent)
     recipe = str(deserted.folder / "recipe.yaml")
     ran = here("run", recipe, "--serial", "N", "--virtual-time", "--no-report", "--data", data)
-    assert f"concluded {deserted.id}, whose supervisor process ended: complete" in ran.err
+    assert f"run {deserted.id} was evaluated afterwards, because its supervisor process had ended: complete" in ran.err
     assert deserted.manifest().state == "complete"
 
 

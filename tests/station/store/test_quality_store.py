@@ -140,7 +140,7 @@ def test_type_one_takes_the_runs_of_one_part_on_one_bench(tmp_path: Path) -> Non
         assert found.study.capable
         with pytest.raises(StationError, match="has one limit"):
             type_one_of(look, Part("MASTER", "lost_motion"), 0.502, None, 0.2)
-        with pytest.raises(StationError, match="no valid run of a real unit NOBODY"):
+        with pytest.raises(StationError, match="no valid run of the real unit NOBODY"):
             type_one_of(look, Part("NOBODY", "lost_motion"), 0.502, None, 0.2)
 
 

@@ -61,7 +61,7 @@ def test_two_people_measure_a_gage_study_and_its_page_leads_them(station: Served
     _, first = found.next
     page.get_by_label("Scanned label").fill("SN-2" if first.part == "SN-1" else "SN-1")
     page.get_by_role("button", name="Measure").click()
-    page.wait_for_selector("[role=alert] >> text=is next. Put that one on the bench")
+    page.wait_for_selector("[role=alert] >> text=is next. Put that unit on the bench")
     page.get_by_role("button", name="Evaluate").click()
     page.wait_for_selector("[role=alert] >> text=0 of 8 steps are measured. Missing:")
 

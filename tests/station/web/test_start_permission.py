@@ -34,7 +34,7 @@ from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 from station.web.scanner import GS, ScanError, serial_of
 
-STUDY_STEP = "study g, step 1 of 8: found unit SN-1; unit SN-2 is next. Put that one on the bench."
+STUDY_STEP = "study g, step 1 of 8: found unit SN-1; unit SN-2 is next. Put that unit on the bench."
 FAILED_BEFORE = PreviousStep("failed", away=False, silent_s=1.0, may_be_unverified=True)
 
 

@@ -109,7 +109,7 @@ def test_runs_are_found_by_id_part_serial_and_last(tmp_path: Path) -> None:
     assert store.find(str(first.folder)).id == first.id
     assert store.find("B2").id == second.id
     assert store.find("last").id == second.id
-    with pytest.raises(StationError, match="fits 2 runs"):
+    with pytest.raises(StationError, match="the ids of 2 runs contain this"):
         store.find("20")
     with pytest.raises(StationError, match="no such run"):
         store.find("nothing")

@@ -227,7 +227,7 @@ REFUSED = {
     "nothing is asked": ((), "--recipe, --metric, --preset or --limits"),
     "limits of nothing": (("--limits", "lost_motion"), "a metric and its new limits"),
     "a limit that is no number": (("--limits", "lost_motion max=wide"), "a number"),
-    "an option that is none": (("--limits", "lost_motion upper=1"), "min, max, guard and branch"),
+    "an option that is none": (("--limits", "lost_motion upper=1"), "(min, max, guard, branch)"),
     "two questions": (("--limits", "lost_motion max=1", "--preset", "nabtesco"), "a question of its own"),
     "a condition that is none": (("--preset", "nabtesco", "--where", "colour=red"), "allowed is NAME=VALUE"),
     "a date that is none": (("--preset", "nabtesco", "--where", "since=monday"), "a date"),

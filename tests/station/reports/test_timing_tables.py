@@ -61,7 +61,10 @@ def test_each_missed_period_has_its_scan_and_what_took_the_time() -> None:
     [
         (MISSED_SHOWN, ""),
         (13, "3 more gaps are in timing.json"),
-        (GAPS_KEPT + 4, f"and {GAPS_KEPT + 4 - MISSED_SHOWN} more, in timing.json, which has the first {GAPS_KEPT}"),
+        (
+            GAPS_KEPT + 4,
+            f"{GAPS_KEPT + 4 - MISSED_SHOWN} more gaps are in timing.json, which has the first {GAPS_KEPT}",
+        ),
     ],
 )
 def test_more_missed_periods_than_fit_are_counted(gaps: int, more: str) -> None:

@@ -128,7 +128,7 @@ def test_a_study_that_is_not_there_measures_nothing(good: Situation) -> None:
     models = load_models(good.data, None)
     ((name, why),) = refusals(situation_of(good.data, models, wanted, busy=False, confirmed=frozenset()))
     assert name == "study_step"
-    assert "there is no such study; found are none" in why
+    assert "there is no such study. Studies here: none" in why
 
 
 def test_a_retest_needs_a_reason_and_has_an_end(good: Situation) -> None:

@@ -317,7 +317,7 @@ def test_a_gage_study_on_the_virtual_bench_from_its_plan_to_its_figures(tmp_path
     assert refused.exit_code == 2
     assert f"found unit {other}; unit {first['part']} is next" in refused.err
     refused = here(*run, "--serial", first["part"], "--operator", "Cem")
-    assert f"found operator Cem; {first['operator']} measures this step" in refused.err
+    assert f"found operator Cem; this step is for operator {first['operator']}" in refused.err
     quick = here(*run[:1], "rv-40e-121-quick", *run[2:], "--serial", first["part"], "--operator", first["operator"])
     assert quick.exit_code == 2
     assert "All steps of a study need the same file" in quick.err

@@ -68,7 +68,7 @@ def test_two_people_measure_a_gage_study_and_its_page_leads_them(station: Served
     role, other = PEOPLE if first.operator == "the operator" else PEOPLE[::-1]
     refused = start(station, other, first.part, "grr-1")
     assert set(refused) == {"study_step"}
-    assert f"found operator the {other}; the {role} measures this step" in refused["study_step"]
+    assert f"found operator the {other}; this step is for operator the {role}" in refused["study_step"]
     for _ in range(MOST_RUNS):
         if (now := look(station.data, "grr-1").next) is None:
             break

@@ -15,20 +15,21 @@ import numpy as np
 import scipy  # loads special where it is used
 
 from analysis.trace.units import FloatArray
+from analysis.uncertainty.coverage import USUAL, Coverage
 
-CONFIDENCE = math.erf(math.sqrt(2.0))
+CONFIDENCE = USUAL.confidence
 """Confidence that k = 2 stands for, of a normal distribution: 95.45 %."""
 
 
-def student_factor(freedom: float) -> float:
-    """Return t of the two-sided confidence 95.45 % for degrees of freedom above zero; 2.000 for infinitely many."""
+def student_factor(freedom: float, coverage: Coverage = USUAL) -> float:
+    """Return t of the two-sided confidence of k, for degrees of freedom above zero; k for infinitely many."""
     if not math.isfinite(freedom):
-        return 2.0
-    return float(scipy.special.stdtrit(freedom, 0.5 + CONFIDENCE / 2.0))
+        return coverage.factor
+    return float(scipy.special.stdtrit(freedom, 0.5 + coverage.confidence / 2.0))
 
 
-def enlarged(u_known: float, u_scatter: float, freedom: float) -> float:
-    """Return the share of scatter that makes 2·√(known² + share²) an interval of 95.45 %.
+def enlarged(u_known: float, u_scatter: float, freedom: float, coverage: Coverage = USUAL) -> float:
+    """Return the share of scatter that makes k·√(known² + share²) an interval of the confidence of k: 95.45 % of 2.
 
     u_known: standard uncertainty of everything known well; u_scatter: standard deviation of the mean from few values,
     with so many degrees of freedom. Welch–Satterthwaite: of all, ν = u⁴·freedom / u_scatter⁴ are left.
@@ -37,8 +38,8 @@ def enlarged(u_known: float, u_scatter: float, freedom: float) -> float:
         return 0.0
     total = math.hypot(u_known, u_scatter)
     left = freedom * (total / u_scatter) ** 4
-    expanded = student_factor(left) * total
-    return math.sqrt(max((expanded / 2.0) ** 2 - u_known**2, u_scatter**2))
+    expanded = student_factor(left, coverage) * total
+    return math.sqrt(max((expanded / coverage.factor) ** 2 - u_known**2, u_scatter**2))
 
 
 FARTHEST = 4

@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 from lostmotion_command import here
 
-from station.cli import app
+from station.cli import command_line
 from station.cli.out_file import writing
 from station.errors import StationError
 
@@ -55,7 +54,7 @@ def with_option(group: Any, *names: str) -> Iterator[str]:
 
 
 def test_every_command_that_writes_a_file_is_here() -> None:
-    whole = typer.main.get_command(app)
+    whole = command_line()
     assert set(with_option(whole, "--out")) == set(WRITERS)
     assert set(with_option(whole, "--page", "--html")) == set(PAGES)
 

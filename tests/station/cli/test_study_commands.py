@@ -10,11 +10,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-import typer.main
 from typer.testing import CliRunner
 
 from analysis.trace.errors import AnalysisError
-from station.cli import COMMANDS, app
+from station.cli import COMMANDS, app, command_line
 from station.cli.line.stored_metric import Ask
 from station.cli.studies import frequency as command_frequency
 from station.cli.studies import studies as command_studies
@@ -35,7 +34,7 @@ def test_every_command_has_its_place_in_the_help() -> None:
     listed = {heading: re.findall(r"^  (\S+)", sections[heading], re.MULTILINE) for heading in COMMANDS}
     assert listed == {heading: list(commands) for heading, commands in COMMANDS.items()}
     names = [name for commands in COMMANDS.values() for name in commands]
-    assert sorted(names) == sorted(typer.main.get_command(app).commands)  # type: ignore[attr-defined]
+    assert sorted(names) == sorted(command_line().commands)
 
 
 def test_the_published_lock_angles(capsys: pytest.CaptureFixture[str]) -> None:

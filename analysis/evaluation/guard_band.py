@@ -66,7 +66,9 @@ def normal_process(mean: float, sd: float) -> Process:
 def gamma_process(shape: float, scale: float) -> Process:
     """Return a process of values above zero with a tail, a gamma distribution; AnalysisError unless both are > 0."""
     if not (shape > 0.0 and scale > 0.0 and math.isfinite(shape * scale)):
-        raise AnalysisError(f"process: gamma with shape {shape:g} and scale {scale:g}; expected numbers above zero")
+        raise AnalysisError(
+            f"process: found a gamma distribution with shape {shape:g} and scale {scale:g}; expected numbers above zero"
+        )
     return _with_tails(Process(scipy.stats.gamma(shape, scale=scale), f"gamma, shape {shape:g}, scale {scale:g}"))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from analysis.evaluation.verdict import Verdict, worst
 from analysis.loop.method import MetricWanted
 from analysis.uncertainty.budget import Budget
-from analysis.uncertainty.coverage import USUAL
+from analysis.uncertainty.scatter import USUAL
 from definitions.metrics import Metric
 from definitions.units import RAD_PER_ARCMIN
 

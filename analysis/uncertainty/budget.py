@@ -13,9 +13,8 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.trace.errors import AnalysisError
-from analysis.uncertainty.coverage import USUAL, Coverage
 from analysis.uncertainty.monte_carlo import MonteCarlo
-from analysis.uncertainty.scatter import deviation, enlarged
+from analysis.uncertainty.scatter import USUAL, Coverage, deviation, enlarged
 
 STUDENT = "Student's t"
 NOISE = ("noise", "noise of the sensors, mean of the cycles", "normal")

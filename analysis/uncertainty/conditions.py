@@ -20,8 +20,8 @@ from analysis.loop.samples import BranchSamples, converts
 from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.units import FloatArray
-from analysis.uncertainty.coverage import USUAL, Coverage, coverage_of
 from analysis.uncertainty.figures import TorqueChannel
+from analysis.uncertainty.scatter import USUAL, Coverage, coverage_of
 from analysis.uncertainty.seen_in_run import DelayTried, delay_tried, locked_width_arcmin, noise_seen_arcmin
 
 AngleName = Literal["angle_in", "angle_out"]

@@ -11,8 +11,7 @@ from check_support import FACTS
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
-from analysis.uncertainty.coverage import COVERAGES, USUAL, coverage_of
-from analysis.uncertainty.scatter import enlarged, student_factor
+from analysis.uncertainty.scatter import COVERAGES, USUAL, coverage_of, enlarged, student_factor
 from benchmarks.simulated.kinds import KINDS
 from benchmarks.simulated.loop_generator import Bench, Hold, course_of, figures_of, measured, method_of
 

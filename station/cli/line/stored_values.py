@@ -236,7 +236,7 @@ def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
     if len(torques) > 1:
         raise StationError(
             f"{metric}: found {_listing(torques, 'torque')}; errors of different torque sensors differ. Keep these "
-            f"runs in separate data folders, or combine them with --recipe {next(iter(recipes))}"
+            f"runs in separate data folders, or take them together all the same with --recipe {next(iter(recipes))}"
         )
 
 

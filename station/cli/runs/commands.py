@@ -145,7 +145,12 @@ def reevaluate(
     metric: ChosenMetricOption = None,
     limits: Annotated[
         str | None,
-        typer.Option("--limits", metavar="TEXT", help='Other limits: "lost_motion max=0.9", also min, guard, branch.'),
+        typer.Option(
+            "--limits",
+            metavar="TEXT",
+            help='Evaluate with other limits of one metric, as in "lost_motion max=0.9" or "stiffness_at branch=mean '
+            'min=10 guard=0.5"; min, max and guard (width of the guard band) are in the unit of the metric.',
+        ),
     ] = None,
     workers: Annotated[
         int | None,

@@ -70,15 +70,22 @@ def without_collector() -> Iterator[None]:
 def look_at(data: Path) -> Iterator[View]:
     """Yield a view of a data folder; without a store that can be used, of a store in memory, which is said.
 
+    Who looks reads rows of many runs: until the end of the look Python does not search them for cycles.
+
     Raises:
         RecordError: the chain cannot be read.
 
     """
     chain = Chain(data)
+    with without_collector(), _view_of(data, chain) as view:
+        yield view
+
+
+@contextmanager
+def _view_of(data: Path, chain: Chain) -> Iterator[View]:
     try:
         database = opened(data)
-        with without_collector():
-            view = _looked(data, chain, database)
+        view = _looked(data, chain, database)
     except StoreError as error:
         warn(f"{error}. The run folders are read instead, which takes longer")
         database = Database(StorePlace(IN_MEMORY))

@@ -29,6 +29,7 @@ from station.records.seal import is_sealed
 from station.store.engine import IN_MEMORY, Database, StoreError
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
+from station.store.plant.removals import removals
 from station.store.projection import seen, seen_files
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 
@@ -126,9 +127,8 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     with database.reading() as connection:
         stored, altered = _stored(connection, chain) if changed or gone else (stored, altered)
         found = stored_walk(connection, chain)
-    absent = [run for run in stored if run not in folders]
-    lines = chain.removed() if absent else {}
-    removed = {run for run, line in lines.items() if line.key in view.trust.keys}
+        absent = [run for run in stored if run not in folders]
+        removed = set(removals(connection, chain, view.trust)) if absent else set()
     view.missing = [run for run in absent if run not in removed]
     view.runs = sorted([*folders, *view.missing])
     view.open = [run for run, was in stored.items() if was is None and run in folders]

@@ -202,9 +202,9 @@ class FaultReaction:
     def request_reset(self) -> str:
         """Ask for the recovery; says what stands against it, or '' when it has begun."""
         if not self.acknowledged:
-            return "reset refused: the fault is not acknowledged"
+            return "reset refused: the fault is not acknowledged. Acknowledge it first"
         if self._context.phase != self.SETTLED:
-            return "reset refused: the fault reaction is still active"
+            return "reset refused: the fault reaction is still active. Wait until it has ended"
         self._context.phase = self.DRIVE_RESET
         self._waited = 0
         return ""

@@ -89,11 +89,13 @@ CHANGED, UNFINISHED = "bench changed since it was commissioned", "bench not comm
 STEP_BY_ID = {step.id: step for step in STEPS}
 
 NOT_COMMISSIONED = {
-    "bench": "name and revision do not describe the hardware; steps that depend on the loaded shaft name it themselves",
-    "jog": "the limits of the jog are written into the drive and read back before every jog",
-    "pace": "only a virtual bench has this section",
-    "calibrations": "the torque ratios are measured by runs, and each has its own due date",
-    "master_parts": "master parts are units, not hardware of the bench",
+    "bench": "name and revision of the bench do not describe its hardware; commissioning steps that depend on the "
+    "loaded shaft name it themselves",
+    "jog": "the limits of the jog (a technician turns the shaft) are written into the drive and read back before "
+    "every jog",
+    "pace": "only a virtual (simulated) bench has this section",
+    "calibrations": "torque ratios are measured by test runs, and each has its own due date",
+    "master_parts": "master parts are reference reducers, not hardware of the bench",
 }
 """Sections of a bench file that no step depends on as a whole, and why."""
 

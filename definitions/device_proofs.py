@@ -66,4 +66,4 @@ PROOF_BY_NAME = {row.name: row for row in DEVICE_PROOFS}
 def unproven_text(where: str, name: str) -> str:
     """Return what a result says of a device or channel that lacks a proof."""
     row = PROOF_BY_NAME[name]
-    return f"{where}: not proven {row.unproven}. {row.remains}."
+    return f"{where}: this device cannot prove {row.unproven}. What remains: {row.remains}."

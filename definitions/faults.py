@@ -106,7 +106,7 @@ AGES = Range(0.0, 10_000.0, beyond_least=True)
 SAMPLES_BAD_MS = 20.0
 """Bad samples are borne no longer than this, however old the recipe lets good ones grow."""
 
-WRONG_DIRECTION = "New bench, wrong direction? Run: lostmotion bench direction"
+WRONG_DIRECTION = "If the bench is new, a direction may be set wrong: run lostmotion bench direction"
 """What the faults say that a wrong sign of motor, torque or angle causes at the first start of a bench."""
 
 # fmt: off
@@ -136,8 +136,8 @@ FAULTS: tuple[Fault, ...] = (
           limit=Limit("drive_heartbeat_s", PERIOD, AGES, 0.1, name="heartbeat_scans",
                 channel="drive_heartbeat_age_scans", beyond=Beyond.AGE)),
     Fault(6, "drive_data_stale", R.POWER_OFF, 0, "Servo drive sends no process data",
-          "Drive left the operational state, or frames are lost on the bus",
-          "Check the drive's NMT state and the bus for errors",
+          "Drive left its operational state, or messages are lost on the CAN bus",
+          "Check the drive's CANopen (NMT) state and the CAN bus for errors",
           live_in=ALWAYS,
           limit=Limit("drive_age_s", PERIOD, AGES, 0.02,
                 name="drive_stale_scans", channel="drive_age_scans", beyond=Beyond.AGE)),
@@ -159,7 +159,7 @@ FAULTS: tuple[Fault, ...] = (
           time=Time("`sample_age`", SAMPLES_BAD_MS, "sample_stale_scans", starts_anew=True)),
     Fault(10, "brake_link_lost", R.UNLOAD, 0, "Connection to the brake supply lost",
           "Network cable, brake supply without power, or wrong address",
-          "Check the brake supply and its cable. The lock may be open",
+          "Check the brake supply and its cable. The lock brake may be open",
           live_in=ALWAYS,
           limit=Limit("brake_age_s", PERIOD, AGES, 0.1,
                 name="brake_stale_scans", channel="brake_age_scans", beyond=Beyond.AGE)),
@@ -170,11 +170,11 @@ FAULTS: tuple[Fault, ...] = (
           limit=Limit("io_age_s", PERIOD, AGES, 0.1, name="io_stale_scans", channel="io_age_scans", beyond=Beyond.AGE)),
     # --- drive
     Fault(12, "drive_fault", R.POWER_OFF, 0, "Servo drive reports a fault",
-          "The drive's own protection acted; the emergency code tells which",
+          "The drive's own protection acted; its emergency code says which one",
           "Read the emergency code, remove its cause, acknowledge, then reset the drive",
           live_in=ALWAYS),
     Fault(13, "drive_emergency", R.QUICK_STOP, 0, "Servo drive sent an emergency message",
-          "The drive saw an error that did not stop it by itself",
+          "The drive reported an error that did not stop it",
           "Look the emergency code up in the alarm list and remove its cause",
           live_in=ALWAYS),
     Fault(14, "drive_dropped_out", R.POWER_OFF, 0, "Servo drive left operation by itself",
@@ -182,12 +182,13 @@ FAULTS: tuple[Fault, ...] = (
           "Check the safety relay and the drive's power stage",
           live_in=RUNNING),
     Fault(15, "drive_mode_refused", R.QUICK_STOP, 0, "Servo drive did not change to the mode of operation",
-          "Mode not supported or switched by another master",
-          "Check object 0x6502 of the drive and that no other tool is connected to it",
+          "Drive does not support the mode, or another program switched it",
+          "Check in object 0x6502 which modes the drive supports, and that no other program is connected to it",
           live_in=RUNNING),
     Fault(16, "drive_internal_limit", R.UNLOAD, 0, "Servo drive is at an internal limit",
-          "Torque or speed limit in the drive is active: it cannot follow the ramp",
-          "Compare the recipe's peak torque with 0x6072 and 0x6080 of the drive",
+          "Torque or speed limit in the drive is active: the drive cannot follow the ramp",
+          "Compare the peak torque of the recipe with the torque and speed limits of the drive (objects 0x6072, "
+          "0x6080)",
           live_in=RUNNING,
           limit=Limit("internal_limit_s", PERIOD, AGES, 0.05, name="internal_limit_scans"),
           time=Time("`internal_limit` of the recipe", limit="internal_limit_scans")),
@@ -234,20 +235,20 @@ FAULTS: tuple[Fault, ...] = (
           live_in=LOCKED | {S.FAULT}),
     Fault(26, "housing_temperature", R.UNLOAD, 10, "Unit's housing too warm",
           "Unit came warm from the line, or fatigue cycles heated it",
-          "Let it cool down; results depend on temperature",
+          "Let the unit cool down; results depend on temperature",
           live_in=ALWAYS,
           limit=Limit("housing_temperature_c", TEMPERATURE, Range(-40.0, 150.0),
                 channel="housing_temp_c", beyond=Beyond.ABOVE, age="io_age_scans")),
-    Fault(27, "missed_periods", R.UNLOAD, 0, "Controller was held up for too long",
+    Fault(27, "missed_periods", R.UNLOAD, 0, "Controller program was late for too long",
           "Other programs kept the processor busy",
-          "Run the timing check of this computer; close other programs",
+          "Close other programs, then check the timing of this computer: lostmotion doctor",
           live_in=RUNNING,
           limit=Limit("missed_in_a_row", NUMBER, Range(1.0, 1000.0), 40,
                 channel="missed_periods", beyond=Beyond.ABOVE)),
     # --- plausibility
     Fault(28, "sensor_not_a_number", R.QUICK_STOP, 0, "A measured value is not a number",
-          "Amplifier without sensor, broken cable, or wrong register map",
-          "Check sensor cables and the device profile",
+          "Amplifier without sensor, broken cable, or wrong registers in the device profile",
+          "Check sensor cables and the registers in the device profile",
           live_in=ALWAYS),
     Fault(29, "sensor_saturated", R.QUICK_STOP, 2, "Torque sensor saturated",
           "Torque beyond the measuring range, or a broken sensor cable",
@@ -263,7 +264,7 @@ FAULTS: tuple[Fault, ...] = (
     Fault(31, "devices_not_ready", R.POWER_OFF, 0, "Devices did not answer at the start",
           "A device is off, or its address is wrong",
           "Switch all devices on and check the bench file's addresses"),
-    Fault(32, "tare_out_of_range", R.POWER_OFF, 0, "Zero of a torque sensor too large",
+    Fault(32, "tare_out_of_range", R.POWER_OFF, 0, "Zero offset of a torque sensor too large",
           "Unit still wound up, sensor overloaded, or mounted with strain",
           "Release the unit, check the sensor's zero, then start again"),
     Fault(33, "tare_unsteady", R.POWER_OFF, 0, "Torque sensor is not steady at rest",
@@ -276,7 +277,7 @@ FAULTS: tuple[Fault, ...] = (
           "Lock open or slipping, coupling missing, or no unit on the bench",
           "Check that a unit is mounted, coupled and clamped. " + WRONG_DIRECTION),
     Fault(36, "target_not_reached", R.UNLOAD, 0, "Ramp did not reach its torque in time",
-          "Unit slips, ramp too slow, or an alarm held the ramp",
+          "Unit slips, ramp too slow, or an alarm stopped the ramp",
           "Check the ramp's torque, rate and time limit in the recipe"),
     Fault(37, "calibration_failed", R.UNLOAD, 0, "Torque ratio could not be determined",
           "Too few points or no linear relation between input and output torque",
@@ -300,12 +301,14 @@ FAULTS: tuple[Fault, ...] = (
           time=Time("half of `sample_age`", SAMPLES_BAD_MS, "sample_late_scans")),
     Fault(42, "drive_not_following", R.QUICK_STOP, 0, "Servo drive does not follow its set-point",
           "The drive ignores the cyclic set-points although it is enabled",
-          "Check the drive's mode, its PDO mapping and that no other master sends set-points",
+          "Check the drive's mode, its process data (PDO mapping), and that no other program sends set-points",
           live_in=LOADED | {S.UNLOAD, S.JOG},
           time=Time("10 ms", 10.0)),
     Fault(43, "angle_channels_disagree", R.QUICK_STOP, 0, "Drive and angle sensor of the loaded shaft do not agree",
-          "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench",
-          "Check the angle sensor, its mounting and the couplings; compare the bench's gear_ratio with the type plate. "
+          "Angle sensor stuck, drifting or slipping on its shaft, broken coupling, or wrong gear_ratio in the bench "
+          "file",
+          "Check the angle sensor, its mounting and the couplings; compare gear_ratio in the bench file with the "
+          "type plate. "
           + WRONG_DIRECTION,
           # not in FAULT, nor during the recovery (`angles_compared`): a torque goes to zero there, by torque sensors
           # that watch each other, and a dead angle sensor must not stand against it

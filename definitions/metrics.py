@@ -22,7 +22,7 @@ class Grade(NamedTuple):
 
 GRADES: tuple[Grade, ...] = (
     Grade(1, 1.0, "precision grade 1: backlash up to 1 arcmin"),
-    Grade(2, float("inf"), "not grade 1: backlash above 1 arcmin; the source defines no other grade"),
+    Grade(2, float("inf"), "not grade 1: backlash above 1 arcmin; no other grade is defined"),
 )
 """Grades, best first. Source: "stiffness characterization", 3.2."""
 
@@ -55,19 +55,19 @@ FITS: dict[str, Fit] = {
         "three segments per branch: a straight line up to the break torque (±90 N·m for 412 N·m unless the recipe "
         "gives one), a quadratic curve on each side beyond it. Each segment is fitted by least squares at 400 equally "
         "spaced torques. The straight line is then shifted by the mean of its two gaps to the curves",
-        "backlash and stiffness measurement",
+        "publication on backlash and stiffness measurement",
     ),
     "six_segment_20pct": Fit(
         "six-segment fit",
-        "as six-segment fit, with the break torque at 20 % of the reference torque",
-        "inverse loading",
+        "as the six-segment fit, with the break torque at 20 % of the reference torque",
+        "publication on inverse loading",
     ),
     "three_region": Fit(
         "three-region fit",
-        "three regions per side: a quadratic curve up to 20 % of the reference torque, a straight line up to 80 %, a "
-        "quadratic curve beyond. Each region is fitted by least squares at 400 equally spaced torques. Gaps between "
-        "the regions stay",
-        "inverse loading",
+        "three regions per torque direction: a quadratic curve up to 20 % of the reference torque, a straight line "
+        "up to 80 %, a quadratic curve beyond. Each region is fitted by least squares at 400 equally spaced torques. "
+        "Gaps between the regions are not closed",
+        "publication on inverse loading",
     ),
 }
 """Fits that a stiffness curve can be read from; the first one is taken when none is asked for."""
@@ -111,7 +111,7 @@ class Bad(NamedTuple):
 
 
 LOOSE = Bad("high", "the unit has less play than allowed: it may be tight", "the unit has more play than allowed")
-SOFT = Bad("low", "the unit is softer than allowed", "the unit is stiffer than allowed: bound, preloaded or jammed")
+SOFT = Bad("low", "the unit is softer than allowed", "the unit is stiffer than allowed: it may be preloaded or jammed")
 
 PLAY = Usual(0.01, 15.0)
 CATALOGUE = Usual(0.1, 3.0, Scale.STIFFNESS)
@@ -129,7 +129,7 @@ BRANCHES = ("load", "unload", "mean")
 CURVES = ("mean", "load", "unload")
 """Branches of a fitted curve."""
 
-TWO_SYSTEMS = "inverse loading; backlash and stiffness measurement"
+TWO_SYSTEMS = "publications on inverse loading and on backlash and stiffness measurement"
 
 
 class Metric(NamedTuple):
@@ -188,7 +188,7 @@ def _segment(number: int, torques: str) -> Metric:
         f"k{number}", f"K{number}", f"Stiffness K{number} ({torques})", STIFFNESS,
         f"stiffness {torques}, of three straight lines that meet at the break torques T1 and T2 (20 % and 70 % of the "
         "reference torque unless given), on the chosen branch",
-        "Harmonic Drive", SOFT, CATALOGUE,
+        "Harmonic Drive catalogue", SOFT, CATALOGUE,
         sides=SIDED, branches=BRANCHES, estimator="three-segment fit", variants=("fitted", "chord"), reach=1.0,
         segmented=True,
     )  # fmt: skip
@@ -197,83 +197,88 @@ def _segment(number: int, torques: str) -> Metric:
 _ROWS = (
     Metric(
         "backlash_width_3pct", "B3", "Backlash (loop width at ±3 % T_r)", ARCMINUTES,
-        "loop width at ±3 % of the reference torque: |f(T) − r(T)|, separately for each side",
+        "loop width at ±3 % of the reference torque: |f(T) − r(T)|, separately for each torque direction; f is the "
+        "branch of rising, r of falling torque",
         TWO_SYSTEMS, LOOSE, PLAY,
         sides=SIDED, branches=WIDTH, band=0.03, reach=0.03, magnitude=True,
     ),
     Metric(
         "backlash_width_zero", "B0", "Backlash (loop width at zero torque)", ARCMINUTES,
-        "loop width at zero torque: |f(0) − r(0)|",
-        "stiffness characterization; Nabtesco backlash; gear clearance of the standard", LOOSE, PLAY,
+        "loop width at zero torque: |f(0) − r(0)|; f is the branch of rising, r of falling torque",
+        "publication on stiffness characterization; called backlash by Nabtesco, gear clearance by the standard",
+        LOOSE, PLAY,
         branches=WIDTH, band=0.0, magnitude=True,
     ),
     Metric(
         "backlash_branches_3pct", "BB3", "Backlash (return branch at +3 % to forward branch at −3 % T_r)", ARCMINUTES,
-        "return branch at +3 % minus forward branch at −3 % of the reference torque: r(+b·T) − f(−b·T); lost motion "
-        "and loop width together",
-        "static testing", LOOSE, PLAY,
+        "angle on the branch of falling torque at +3 % minus angle on the branch of rising torque at −3 % of the "
+        "reference torque: r(+b·T) − f(−b·T). It contains lost motion and loop width",
+        "publication on static testing", LOOSE, PLAY,
         branches=WIDTH, band=0.03, reach=0.03,
     ),
     Metric(
         "gear_clearance", "j", "Gear clearance (unloading branches at zero torque)", ARCMINUTES,
-        "half the distance between the unloading branches at zero torque, r(0) and f(0); both sides show the same "
-        "value. Variant intercept: distance of each branch from the zero of the angle",
-        "static testing", LOOSE, PLAY,
+        "half the distance between the two unloading branches, r and f, at zero torque; both torque directions show "
+        "the same value. Variant intercept: distance of each branch from the zero of the angle",
+        "publication on static testing", LOOSE, PLAY,
         sides=(*BOTH, *SIDED), branches=UNLOAD, variants=("centred", "intercept"), span=(0.0, 0.0),
     ),
     Metric(
         "grade", "G", "Precision grade (of the mean backlash)", NUMBER,
         "precision grade of the mean backlash: 1 up to 1 arcmin, 2 above (not grade 1); the backlash is the loop width "
         "at zero torque unless another is chosen",
-        "stiffness characterization",
-        Bad("high", "the grade is better than required", LOOSE.too_high),
+        "publication on stiffness characterization",
+        Bad("high", "the precision grade is better than required", LOOSE.too_high),
         Usual(1.0, 2.0, floor=GRADES[0].grade, ceiling=GRADES[-1].grade),
         branches=WIDTH, estimator="table of precision grades", band=0.03, variants=tuple(GRADED), reach=0.03,
         graded=True,
     ),
     Metric(
         "lost_motion", "LM", "Lost motion (centreline at ±3 % T_r by default)", ARCMINUTES,
-        "centreline of the loop between plus and minus the band (3 % by default): m(+b·T) − m(−b·T)",
-        "Nabtesco, SPINEA", LOOSE, PLAY,
+        "change of the loop's centreline m between −b and +b of the reference torque T (b: 3 % by default): m(+b·T) "
+        "− m(−b·T)",
+        "Nabtesco catalogue, SPINEA catalogue", LOOSE, PLAY,
         band=0.03, free=("band",), reach=0.03,
     ),
     Metric(
         "stiffness_lsq", "K_lsq", "Stiffness (least squares, 20–80 % T_r)", STIFFNESS,
-        "least squares of wind-up over 200 equally spaced torques of the loading branch, 20–80 % of the "
-        "reference torque",
-        "static testing; stiffness characterization, section 4.4", SOFT, CATALOGUE,
+        "slope of the straight line through 200 equally spaced torques of the loading branch, 20–80 % of the "
+        "reference torque, by least squares of the wind-up",
+        "publications on static testing and on stiffness characterization (section 4.4)", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="least squares", reach=0.8, span=(0.2, 0.8),
     ),
     Metric(
         "stiffness_two_point", "K_2p", "Stiffness (chord, 20–80 % T_r)", STIFFNESS,
-        "chord of the loading branch between 20 % and 80 % of the reference torque",
-        "stiffness characterization, section 4.3", SOFT, CATALOGUE,
+        "slope of the straight line (chord) between two points of the loading branch, at 20 % and 80 % of the "
+        "reference torque",
+        "publication on stiffness characterization, section 4.3", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=0.8, span=(0.2, 0.8),
     ),
     Metric(
         "stiffness_end_point", "K_ep", "Stiffness (end point: chord of the unloading branch)", STIFFNESS,
-        "reference torque divided by a wind-up: loading branch at that torque minus unloading branch at zero torque; "
-        "higher than the chord of loading",
-        "stiffness characterization, section 4.2", SOFT, CATALOGUE,
+        "reference torque divided by a wind-up: wind-up of the loading branch at that torque minus wind-up of the "
+        "unloading branch at zero torque; higher than the chord of the loading branch",
+        "publication on stiffness characterization, section 4.2", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
         "stiffness_estimate", "K_est", "Stiffness (chord, 0–100 % T_r)", STIFFNESS,
-        "chord of the whole loading branch, from zero to the reference torque; the slope as read by eye",
-        "stiffness characterization, section 4.1", SOFT, CATALOGUE,
+        "slope of the straight line (chord) from zero to the reference torque on the loading branch, as read by eye",
+        "publication on stiffness characterization, section 4.1", SOFT, CATALOGUE,
         sides=SIDED, branches=LOAD, estimator="chord", reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
         "stiffness_50_100", "K_50", "Stiffness (secant, 50–100 % T_r)", STIFFNESS,
-        "secant between 50 % and 100 % of the reference torque on the chosen branch, as measured",
-        "Nabtesco, general practice", SOFT, CATALOGUE,
+        "slope of the straight line (secant) between 50 % and 100 % of the reference torque on the chosen branch, as "
+        "measured",
+        "Nabtesco catalogue, general practice", SOFT, CATALOGUE,
         sides=SIDED, branches=BRANCHES, estimator="secant", reach=1.0, span=(0.5, 1.0),
     ),
     Metric(
         "stiffness_at", "K(T)", "Stiffness (slope of the fitted curve at a torque)", STIFFNESS,
         "1 / F′(T), the slope of torque over wind-up, at the chosen torque (50 % of the reference torque by default); "
         "F is the fitted curve of the mean of both branches, or of the chosen branch",
-        "inverse loading", SOFT, CATALOGUE,
+        "publication on inverse loading", SOFT, CATALOGUE,
         sides=SIDED, branches=CURVES, estimator="slope", torque=0.5, free=("torque",), fits=tuple(FITS), reach=0.5,
     ),
     Metric(
@@ -290,15 +295,17 @@ _ROWS = (
     Metric(
         "hysteresis_energy", "W", "Hysteresis loss (area of the loop)", LOSS,
         "area of the loop between its turning points: energy lost per cycle",
-        "stiffness characterization",
-        Bad("high", "less energy is lost than expected", "more energy is lost in friction than allowed"),
+        "publication on stiffness characterization",
+        Bad("high", "less energy is lost per load cycle than expected",
+            "more energy is lost in friction per load cycle than allowed"),
         Usual(0.003, 1.0, Scale.LOSS),
         branches=WIDTH, estimator="trapezoid", span=(0.0, 1.0),
     ),
     Metric(
         "hysteresis_angle", "H", "Hysteresis (loop width at 50 % T_r by default)", ARCSECONDS,
-        "loop width within one side at the chosen torque (50 % of the reference torque by default): |f(T) − r(T)|",
-        "stiffness characterization",
+        "loop width at the chosen torque of one direction (50 % of the reference torque by default): |f(T) − r(T)|; "
+        "f is the branch of rising, r of falling torque",
+        "publication on stiffness characterization",
         Bad("high", "less hysteresis than expected", "more hysteresis than allowed: the unit has more friction"),
         Usual(1.0, 900.0),
         sides=SIDED, branches=WIDTH, torque=0.5, free=("torque",), reach=0.5, magnitude=True,
@@ -312,28 +319,31 @@ _ROWS = (
         estimator="difference", variants=("fitted", "direct"), fits=tuple(FITS), reach=1.0, span=(0.0, 1.0),
     ),
     Metric(
-        "asymmetry_at_rated", "A", "Asymmetry of the sides at T_r", ARCSECONDS,
-        "half the difference in wind-up of the two sides at the reference torque: |m(+T) + m(−T) − 2 m(0)| / 2, as "
-        "measured; not the transmission error, which needs rotation",
-        "static testing, there called transmission accuracy",
-        Bad("high", "the wind-up of the two sides differs less than expected", "one side winds up more than the other"),
+        "asymmetry_at_rated", "A", "Asymmetry of the torque directions at T_r", ARCSECONDS,
+        "half the difference in wind-up of the two torque directions at the reference torque T: |m(+T) + m(−T) − 2 "
+        "m(0)| / 2; m is the mean of both branches, as measured. It is not the transmission error, which needs "
+        "rotation",
+        "publication on static testing, there called transmission accuracy",
+        Bad("high", "the wind-up of the two torque directions differs less than expected",
+            "the unit winds up more in one torque direction than in the other"),
         Usual(1.0, 600.0),
         reach=1.0, span=(0.0, 1.0), magnitude=True,
     ),
     Metric(
         "torque_ratio_slope", "m", "Torque ratio, slope (loading)", NUMBER,
-        "slope m of T_out = C + m·T_in, loading, each side for itself",
+        "slope m of the line: output torque = C + m · input torque, while loading, for each torque direction",
         TWO_SYSTEMS,
-        Bad("low", "the output torque is too low: friction that grows with load",
-            "the output torque is too high for the ratio: check ratio and sensors"),
+        Bad("low", "the output torque is too low for the input torque: the unit has friction that grows with the load",
+            "the output torque is too high for the gear ratio: check gear ratio and torque sensors"),
         Usual(0.5, 1.02, Scale.RATIO),
         sides=SIDED, branches=LOAD, estimator="least squares", calibration=True,
     ),
     Metric(
         "torque_ratio_offset", "C", "Torque ratio, offset (loading)", TORQUE,
-        "offset C of T_out = C + m·T_in, loading, negative side mirrored: friction of the input side as output torque",
+        "offset C of the line: output torque = C + m · input torque, while loading (negative torques mirrored). It "
+        "is the friction of the input side, as output torque",
         TWO_SYSTEMS,
-        Bad("low", "the input side has more friction than allowed: the unit is tight",
+        Bad("low", "the input side has more friction than allowed: the unit turns heavily",
             "the input side has less friction than expected"),
         Usual(-0.3, 0.0, Scale.RATED_TORQUE, floor=None),
         sides=SIDED, branches=LOAD, estimator="least squares", calibration=True,

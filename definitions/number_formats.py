@@ -65,4 +65,4 @@ def check_range(value: int, type_name: IntegerType, where: str) -> None:
     """Raise ValueError, which names `where`, when a value is beyond its type."""
     low, high = RANGES[type_name]
     if not low <= value <= high:
-        raise ValueError(f"{where}: found {value}; a number of type {type_name} is {low} to {high}")
+        raise ValueError(f"{where}: found {value}; a number of type {type_name} must be from {low} to {high}")

@@ -66,15 +66,15 @@ class Segment:
 
 
 ROLES: dict[str, str] = {
-    "none": "before the first and after the last segment",
+    "none": "time before the first and after the last torque segment",
     "proof": "small torque that verifies the lock",
     "calibrate": "load cycle that measures the output torque against the input torque; gives the torque ratio",
-    "virgin": "first rise from zero; never evaluated",
-    "approach": "change from one block's peak torque to the next; never evaluated",
-    "measure": "branch that is evaluated",
+    "virgin": "first torque rise from zero; never evaluated",
+    "approach": "change from the peak torque of one block of cycles to that of the next; never evaluated",
+    "measure": "loading or unloading branch that is evaluated",
     "fatigue": "load cycle that conditions the unit; not evaluated",
-    "dwell": "rest at a turning point",
-    "sweep": "sine about a mean torque with rising and falling frequency; not evaluated as a loop",
+    "dwell": "torque held at a turning point",
+    "sweep": "sinusoidal torque with rising and falling frequency; not evaluated as a hysteresis loop",
     "unload": "torque to zero",
 }
 

@@ -80,12 +80,12 @@ DRIVE_PROTECTIONS: tuple[Protection, ...] = (
 
 BY_NAME = {row.name: row for row in DRIVE_PROTECTIONS}
 
-NOT_TRIED = "not tried on hardware"
+NOT_TRIED = "this profile was not tried on hardware"
 """What is said of a profile that was written from a drive's documents alone."""
 
 UNPROVEN = (
-    "not measured: whether this drive removes its torque when the program dies. Its settings were read back, but some "
-    "drives do not act on them. Measure it once: lostmotion bench watchdogs."
+    "not measured: whether this drive removes its torque when the control program fails. Its settings were read "
+    "back, but some drives do not act on them. Measure it once: lostmotion bench watchdogs."
 )
 """What every result says of a bench on real wires, where nobody knows what the drive does."""
 
@@ -95,44 +95,46 @@ MISSING = "protection missing: "
 
 def missing_text(protection: Protection) -> str:
     """Return what a result says of a protection that the drive does not have."""
-    return f"{MISSING}{protection.meaning} ({protection.objects}). {protection.without}."
+    return (
+        f"{MISSING}{protection.meaning} (object {protection.objects} of the drive). Without it: {protection.without}."
+    )
 
 
 # fmt: off
 WITHOUT_INTERLOCK: dict[str, str] = {
     "estop": "Safe torque off, wired in hardware, still removes the torque; set-points would continue",
-    "guard_open": "Only what is wired to the guard stops the drive; a ramp would continue with the guard open",
-    "operator_quick_stop": "Only the emergency stop remains for a person to stop the bench",
-    "can_lost": "The drive stops by itself when set-points and heartbeat are missing (0x1400:5, 0x1016)",
+    "guard_open": "Only hardware wired to the guard stops the drive; a ramp would continue with the guard open",
+    "operator_quick_stop": "Only the emergency stop is left for a person to stop the bench",
+    "can_lost": "The drive stops by itself when set-points and heartbeat are missing (drive objects 0x1400:5, 0x1016)",
     "drive_heartbeat_lost": "A drive that lost its power shows as missing process data (drive_data_stale)",
-    "drive_data_stale": "Angle and torque of the drive no longer change; its heartbeat may continue",
-    "amplifier_lost": "The values no longer change, and their age grows (sample_stale)",
-    "sample_stale": "The torque loop uses an old value: it ramps until a limit of the drive stops it (0x6072)",
-    "sample_frozen": "As sample_stale, but the answers look new",
+    "drive_data_stale": "Angle and torque from the drive no longer change, unnoticed; its heartbeat may continue",
+    "amplifier_lost": "Torque and angle no longer change; the interlock for their age reacts (sample_stale)",
+    "sample_stale": "The torque control uses an old value: torque rises until a limit of the drive stops it (0x6072)",
+    "sample_frozen": "Torque rises to the limit of the drive: answers look new, but repeat an old torque value",
     "brake_link_lost": "An open lock is detected only when the locked shaft turns (lock_slip)",
-    "remote_io_lost": "Emergency stop and guard are no longer read; only what is wired in hardware reacts",
+    "remote_io_lost": "Emergency stop and guard are no longer read; only their hardware wiring reacts",
     "drive_fault": "The drive removes its torque by itself; the run would wait for a torque that never comes",
-    "drive_emergency": "Only the drive's own reaction remains",
-    "drive_dropped_out": "Set-points continue, and act when the drive is enabled again: a jump of torque",
+    "drive_emergency": "The run continues; only the drive's own reaction to its error is left",
+    "drive_dropped_out": "Set-points continue; when the drive is enabled again, the torque jumps",
     "drive_mode_refused": "The drive would read a torque set-point as a speed, or ignore it",
     "drive_internal_limit": "The torque lags behind the ramp; the validity checks reject the wrong measurement",
-    "torque_out_trip": "Only the torque limits of the drive remain (0x6072); they may exceed what the unit can bear",
-    "torque_in_trip": "As torque_out_trip, at the loaded shaft",
-    "torque_out_alarm": "The torque rises to its trip limit",
-    "overspeed": "Only the speed limit of the drive remains (0x6080)",
-    "over_travel": "Only the speed limit remains; behind a broken coupling the motor would keep turning",
+    "torque_out_trip": "Only the torque limits of the drive are left (0x6072); the unit may not withstand them",
+    "torque_in_trip": "Only the torque limits of the drive at the loaded shaft are left (0x6072)",
+    "torque_out_alarm": "The torque may rise further, to its trip limit",
+    "overspeed": "Only the speed limit of the drive is left (0x6080)",
+    "over_travel": "Only the speed limit is left; if a coupling is broken, the motor keeps turning",
     "lock_slip": "The locked shaft turns under load and the torque falls; the validity checks reject the run",
     "brake_current_lost": "An open lock is detected only when the locked shaft turns (lock_slip)",
     "housing_temperature": "The unit exceeds the temperature of its lubricant, and its stiffness changes",
-    "missed_periods": "Set-points stay the same for several periods; only the drive's time-out remains (0x1400:5)",
-    "sensor_not_a_number": "The torque loop has no torque value; only the limits of the drive remain",
-    "sensor_saturated": "The true torque is above the measured one, and the torque loop continues",
+    "missed_periods": "The drive keeps its old set-point for longer; only the drive's time-out is left (0x1400:5)",
+    "sensor_not_a_number": "The torque control has no valid torque; only the limits of the drive are left",
+    "sensor_saturated": "The true torque is above the measured torque, and the torque control continues",
     "torque_channels_disagree": "With a frozen sensor value, the torque rises to the limit of the drive (0x6072)",
-    "sample_late": "The ramp continues while samples are late, until sample_stale",
-    "brake_stays_closed": "The lock is reported open while it holds a wound-up unit, and a person may reach in",
+    "sample_late": "A ramp continues while samples are late, until they are too old (sample_stale)",
+    "brake_stays_closed": "The lock counts as open while it holds a wound-up unit, and a person may reach in",
     "sample_not_ready": "Values of a sensor that is switched off or in calibration count as measured",
-    "drive_not_following": "Detected only when the torque does not come, after the longest time of a ramp",
-    "angle_channels_disagree": "The stiffness is wrong by the slip of the sensor; validity checks reject most runs",
+    "drive_not_following": "Detected only when a ramp does not reach its torque within its longest time",
+    "angle_channels_disagree": "The angle sensor's slip makes the stiffness wrong; validity checks reject most runs",
 }
 """What happens without each interlock of the controller, by its id: what is left then."""
 # fmt: on

@@ -9,11 +9,9 @@ from contextlib import closing
 from pathlib import Path
 from typing import Any
 
-from typer.main import get_command
-
 from docs.markdown import NOTE, table
 from docs.schemas import FILES, schema_of
-from station.cli import COMMANDS, app
+from station.cli import COMMANDS, command_line
 
 BODY = "application/json"
 ANCHOR = {"session": "entry and session", "actions": "every change"}
@@ -24,7 +22,7 @@ VALUES: dict[Any, str] = {int: "N", float: "X"}
 
 def command_options() -> str:
     """The page of every command with its arguments and options, read off the command line itself."""
-    commands: Any = get_command(app)
+    commands: Any = command_line()
     text = (
         "# Every option of the command line\n\n"
         + NOTE

@@ -30,7 +30,7 @@ after which the bench gives the scan up (`virtual_bench.pace_port.QUIET_S`): els
 """
 
 UNIT_BYTES = 48
-_CLOSED = "the virtual bench closed the connection"
+_CLOSED = "the virtual bench closed the connection. Start the virtual bench again, then the run"
 _NOT_THERE = "start the virtual bench first, or remove 'pace': real hardware has none"
 
 

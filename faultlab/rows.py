@@ -22,8 +22,8 @@ RUN = 40_000
 REST_SHARE_OF_RATED = 0.08
 """What friction may keep in a unit whose drive was switched off; it is unwound during the recovery."""
 
-IN_THE_RESULT = "not seen by the controller: the metrics show it"
-CLOSED_LOOP = "the torque loop compensates for it"
+IN_THE_RESULT = "the controller does not notice this fault: the metrics show it"
+CLOSED_LOOP = "the torque control compensates for this fault"
 DRIVE_STOPS = ("drive_fault", "drive_emergency", "drive_dropped_out")
 """The drive's own protection acts and says so."""
 

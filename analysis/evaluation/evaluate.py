@@ -25,8 +25,8 @@ from analysis.uncertainty.measurement import ONE_CYCLE, Measurement
 from definitions.metrics import GRADED, Metric
 
 UNTIMED = (
-    "delay and drift are missing in its uncertainty, because the trace has no time. A guard band needs both: record "
-    "the time (t_s)"
+    "its uncertainty lacks the contributions of delay and drift, because the measured data have no time. A guard "
+    "band needs both: record the time (column t_s)"
 )
 UNBOUNDED = (
     "a torque that lags makes this value smaller, and the delay could not be measured ({}); record two turning "
@@ -273,7 +273,7 @@ def _because(  # noqa: PLR0917 - what was found, and what it was held against
     row = definition(wanted)
     unit = "" if row.unit == "1" else f" {row.unit}"
     if budget is None and verdict is Verdict.NOT_DECIDABLE:
-        return f"{value:.4g}{unit}: the guard band needs the uncertainty of this value, which {why_none}"
+        return f"{value:.4g}{unit}: the guard band needs the uncertainty of this value. {why_none}"
     bound = wanted.min if limit == "min" else wanted.max
     if budget is not None and verdict is Verdict.NOT_DECIDABLE:
         return (
@@ -291,5 +291,5 @@ def _what_helps(budget: Budget) -> str:
         return "measure more cycles"
     said = f"the largest contribution to the uncertainty is: {largest.text}"
     if largest.quantity.startswith(OPEN):
-        return f"{said}; lower the limit of that check in the recipe (validity), or write 'left_open: told'"
+        return f"{said}; lower the limit of that check (validity), or write 'left_open: told' in the recipe"
     return f"{said}; more cycles do not reduce this contribution"

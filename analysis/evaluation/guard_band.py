@@ -14,7 +14,7 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy import optimize, stats
+import scipy  # loads optimize and stats where they are used
 
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
@@ -60,14 +60,16 @@ def normal_process(mean: float, sd: float) -> Process:
         raise AnalysisError(
             f"process: mean {mean:g}, standard deviation {sd:g}; expected a standard deviation above zero"
         )
-    return _with_tails(Process(stats.norm(mean, sd), f"normal, mean {mean:g}, standard deviation {sd:g}"))
+    return _with_tails(Process(scipy.stats.norm(mean, sd), f"normal, mean {mean:g}, standard deviation {sd:g}"))
 
 
 def gamma_process(shape: float, scale: float) -> Process:
     """Return a process of values above zero with a tail, a gamma distribution; AnalysisError unless both are > 0."""
     if not (shape > 0.0 and scale > 0.0 and math.isfinite(shape * scale)):
-        raise AnalysisError(f"process: gamma with shape {shape:g} and scale {scale:g}; expected numbers above zero")
-    return _with_tails(Process(stats.gamma(shape, scale=scale), f"gamma, shape {shape:g}, scale {scale:g}"))
+        raise AnalysisError(
+            f"process: found a gamma distribution with shape {shape:g} and scale {scale:g}; expected numbers above zero"
+        )
+    return _with_tails(Process(scipy.stats.gamma(shape, scale=scale), f"gamma, shape {shape:g}, scale {scale:g}"))
 
 
 def _with_tails(process: Process) -> Process:
@@ -145,7 +147,7 @@ def guard_for(process: Process, low: float | None, high: float | None, u: float,
             "accepted parts; "
             "choose another risk, or measure with a smaller uncertainty"
         )
-    return float(optimize.brentq(excess, -5.0 * u, most, xtol=1e-9 * u))
+    return float(scipy.optimize.brentq(excess, -5.0 * u, most, xtol=1e-9 * u))
 
 
 def _check(low: float | None, high: float | None, u: float, guard: float) -> None:
@@ -167,8 +169,8 @@ def _between(low: float | None, high: float | None, out: float, u: float) -> Cal
     """Chance that a part of a true value measures within the limits moved out."""
 
     def chance(value: FloatArray) -> FloatArray:
-        above = 0.0 if low is None else stats.norm.cdf((low - out - value) / u)
-        below = 1.0 if high is None else stats.norm.cdf((high + out - value) / u)
+        above = 0.0 if low is None else scipy.stats.norm.cdf((low - out - value) / u)
+        below = 1.0 if high is None else scipy.stats.norm.cdf((high + out - value) / u)
         found: FloatArray = np.maximum(below - above, 0.0) + np.zeros_like(value)
         return found
 

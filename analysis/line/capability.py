@@ -154,7 +154,8 @@ def _within(row: FloatArray, subgroup: int) -> tuple[float, float]:
     groups = row.size // subgroup if subgroup > 1 else 0
     if groups < 2:
         raise AnalysisError(
-            f"capability: subgroups of {subgroup} in {row.size} values; expected 2 whole subgroups or more"
+            f"capability: subgroups of {subgroup} in {row.size} values; expected 2 whole subgroups or more. Choose "
+            f"smaller subgroups or measure more units"
         )
     whole = row[: groups * subgroup].reshape(groups, subgroup)
     return math.sqrt(float(whole.var(axis=1, ddof=1).mean())), float(groups * (subgroup - 1))

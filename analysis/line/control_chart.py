@@ -118,7 +118,8 @@ def control_chart(
     groups = row.size // subgroup
     if groups < LEAST_SUBGROUPS:
         raise AnalysisError(
-            f"control chart: {row.size} values fill {groups} subgroups of {subgroup}; expected 2 or more"
+            f"control chart: {row.size} values fill {groups} subgroups of {subgroup}; expected 2 or more. Choose "
+            "smaller subgroups or measure more units"
         )
     used = groups if baseline is None else baseline
     if not LEAST_SUBGROUPS <= used <= groups:

@@ -72,8 +72,8 @@ def gage_design(operator: Sequence[str], part: Sequence[str], value: Sequence[fl
     """
     if not len(operator) == len(part) == len(value):
         raise AnalysisError(
-            f"gage study: {len(operator)} operators, {len(part)} parts, {len(value)} values; "
-            "expected one of each per row"
+            f"gage study: found {len(operator)} operators, {len(part)} parts and {len(value)} values; expected one "
+            "operator, one part and one value in each row"
         )
     cells: dict[tuple[str, str], list[float]] = {}
     for who, which, measured in zip(operator, part, value, strict=True):

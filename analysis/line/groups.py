@@ -62,7 +62,9 @@ def compare_groups(sums: Mapping[str, Sums], origin: float = 0.0, level: float =
     """Compare groups; raises AnalysisError for fewer than 2, an empty one, or no group of more than one value."""
     checked_level(level)
     if len(sums) < LEAST_GROUPS:
-        raise AnalysisError(f"groups: found {len(sums)}: {', '.join(sums) or 'none'}; expected {LEAST_GROUPS} or more")
+        raise AnalysisError(
+            f"groups: found {len(sums)} to compare ({', '.join(sums) or 'none'}); expected {LEAST_GROUPS} or more"
+        )
     for name, one in sums.items():
         if one.number < 1 or not (math.isfinite(one.first) and math.isfinite(one.second)):
             raise AnalysisError(

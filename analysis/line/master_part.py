@@ -84,7 +84,8 @@ def master_part_trend(
         raise AnalysisError("master part: the days do not rise; sort the measurements by time")
     if not LEAST_BASELINE <= baseline <= row.size:
         raise AnalysisError(
-            f"master part: baseline of {baseline} in {row.size} values; expected {LEAST_BASELINE} or more to begin with"
+            f"master part: baseline of {baseline} in {row.size} values; expected {LEAST_BASELINE} or more. Measure "
+            f"the master part more often"
         )
     centre = float(row[:baseline].mean())
     sd = float(np.abs(np.diff(row[:baseline])).mean()) / MOVING_RANGE

@@ -102,11 +102,12 @@ def rules_of(names: str | Sequence[str]) -> tuple[str, ...]:
     for name in asked:
         if name not in RULES and name not in RULE_SETS:
             raise AnalysisError(
-                f"rules: found '{name:.40}'; there are the sets {', '.join(RULE_SETS)} and the rules {', '.join(RULES)}"
+                f"rules: found '{name:.40}'; allowed: the rule sets {', '.join(RULE_SETS)} or the rules "
+                f"{', '.join(RULES)}"
             )
         found |= dict.fromkeys(RULE_SETS.get(name, (name,)))
     if not found:
-        raise AnalysisError(f"rules: none is named; choose one of the sets {', '.join(RULE_SETS)}")
+        raise AnalysisError(f"rules: none is named; choose one of the rule sets {', '.join(RULE_SETS)}")
     return tuple(found)
 
 

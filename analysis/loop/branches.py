@@ -70,8 +70,8 @@ class Branch:
         if not self.covers(low, high):
             asked = f"{low:.4g}" if low == high else f"{low:.4g}…{high:.4g}"
             raise AnalysisError(
-                f"the branch covers {self.torque_nm[0]:.4g}…{self.torque_nm[-1]:.4g} N·m; needed is a value at "
-                f"{asked} N·m; load the unit further or lower the reference torque"
+                f"the branch covers {self.torque_nm[0]:.4g}…{self.torque_nm[-1]:.4g} N·m, but a value is needed at "
+                f"{asked} N·m; load the unit to a higher torque or lower the reference torque"
             )
         return interpolate(self.torque_nm, self.angle_arcmin, wanted)
 
@@ -131,7 +131,8 @@ def binned(samples: BranchSamples) -> Blocks:
     found = samples.torque_nm.size
     if found < LEAST_POINTS:
         raise AnalysisError(
-            f"{samples.where}: found {found} samples; expected {LEAST_POINTS} or more; sample faster or load slower"
+            f"{samples.where}: found {found} samples; expected {LEAST_POINTS} or more; raise the sampling rate or "
+            f"lower the torque rate"
         )
     size = -(-found // MOST_BLOCKS)
     if size == 1:

@@ -130,7 +130,7 @@ def fit_segment(branch: Branch, low_nm: float, high_nm: float, degree: int) -> F
     if behind - first < degree + 2:
         raise AnalysisError(
             f"the segment {low_nm:.4g}…{high_nm:.4g} N·m has {max(behind - first, 0)} points; expected "
-            f"{degree + 2} or more; sample faster or load slower"
+            f"{degree + 2} or more; raise the sampling rate or lower the torque rate"
         )
     # as np.linspace, which takes as long as the rest of the fit: a budget makes thousands of these
     torque = _GRID * ((high_nm - low_nm) / (FIT_POINTS - 1)) + low_nm
@@ -243,7 +243,7 @@ def fit_three_regions(
     if low > -least or high < least:
         raise AnalysisError(
             f"the three-region fit needs a branch from {-least:.4g} to {least:.4g} N·m at least, after what is "
-            f"excluded at the reversal; it has {low:.4g} to {high:.4g} N·m; load the unit further"
+            f"excluded at the reversal; it has {low:.4g} to {high:.4g} N·m; load the unit to a higher torque"
         )
     edges = (low, -outer, -inner, 0.0, inner, outer, high)
     pieces = tuple(

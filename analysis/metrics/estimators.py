@@ -153,8 +153,8 @@ def stiffness_at(loop: Loop, ask: Ask) -> float:
     """1 / F′(T) of a fitted curve: the mean curve or one branch's own, N·m/arcmin."""
     if ask.torque_nm > loop.method.fit_nm:
         raise AnalysisError(
-            f"the fitted curve ends at {loop.method.fit_nm:.4g} N·m, needed is {ask.torque_nm:.4g} N·m; choose a "
-            "torque below that, or a higher reference torque"
+            f"the fitted curve ends at {loop.method.fit_nm:.4g} N·m, but a value is needed at {ask.torque_nm:.4g} "
+            f"N·m; choose a lower torque, or a higher reference torque"
         )
     return _curve(loop, ask).stiffness_at(ask.side * ask.torque_nm)
 

@@ -63,7 +63,7 @@ def eccentricity_trend(rows: Sequence[EccentricityRow], exponent: float | None =
     """
     least = 3 if exponent is None else 2
     if len(rows) < least:
-        raise AnalysisError(f"eccentricity: found {len(rows)} rows; expected {least} or more")
+        raise AnalysisError(f"eccentricity: found {len(rows)} rows; expected {least} or more. Add rows")
     for number, row in enumerate(rows, start=1):
         if not all(math.isfinite(value) and value > 0.0 for value in row):
             raise AnalysisError(f"eccentricity: row {number} is {tuple(row)}; expected numbers above zero")
@@ -75,7 +75,7 @@ def eccentricity_trend(rows: Sequence[EccentricityRow], exponent: float | None =
         return EccentricityTrend(math.exp(level), exponent, 0.0, residual)
     spread = float(np.square(x - x.mean()).sum())
     if spread <= 1e-12:
-        raise AnalysisError("eccentricity: every row has the same eccentricity; expected different ones")
+        raise AnalysisError("eccentricity: every row has the same eccentricity; expected different ones. Add a row")
     slope = float(((x - x.mean()) * y).sum()) / spread
     level = float(y.mean()) - slope * float(x.mean())
     residual = float(np.sqrt(np.square(y - level - slope * x).sum() / (x.size - 2)))

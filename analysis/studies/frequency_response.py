@@ -87,8 +87,8 @@ def frequency_response(
     averages = float(count) if period_s is not None else 1.0 + 0.62 * (count - 1)
     if count < LEAST_AVERAGES:
         raise AnalysisError(
-            f"frequency response: {count} segments of {length} samples; expected {LEAST_AVERAGES} or more for "
-            "a coherence; record longer, or more periods"
+            f"frequency response: {count} segments of {length} samples; expected {LEAST_AVERAGES} or more to compute "
+            f"the coherence; record longer, or more periods"
         )
     options = {"fs": 1.0 / step, "window": window, "nperseg": length, "noverlap": overlap, "detrend": "constant"}
     frequency, s_xx = signal.welch(x, **options)
@@ -110,7 +110,7 @@ def frequency_response(
         alone = excited & (coherence >= least_coherence)
         among = f"; {int(alone.sum())} reach it alone, but not with their neighbours" if alone.any() else ""
         raise AnalysisError(
-            f"frequency response: no line reaches a coherence of {least_coherence:g} "
+            f"frequency response: no frequency reaches a coherence of {least_coherence:g} "
             f"(best {coherence.max():.3f}{among}); "
             "raise the amplitude of the chirp, or lower the coherence limit"
         )
@@ -121,7 +121,8 @@ def frequency_response(
 def _checked_step(t: FloatArray, x: FloatArray, y: FloatArray) -> float:
     if not t.ndim == x.ndim == y.ndim == 1 or not t.size == x.size == y.size or t.size < 64:
         raise AnalysisError(
-            f"frequency response: {t.size} times, {x.size} torques, {y.size} angles; expected 64 or more of each"
+            f"frequency response: found {t.size} times, {x.size} torques and {y.size} angles; expected the same number "
+            "of each, 64 or more. Record longer"
         )
     for name, row in (("t_s", t), ("torque", x), ("angle", y)):
         bad = ~(np.abs(row) <= 1e9)
@@ -199,7 +200,7 @@ def fit_resonance(found: FrequencyResponse) -> Resonance:
     f, h = found.frequency_hz[found.used], found.response[found.used]
     if f.size < LEAST_LINES:
         raise AnalysisError(
-            f"resonance: {f.size} lines reach the coherence limit; "
+            f"resonance: {f.size} frequencies reach the coherence limit; "
             f"expected {LEAST_LINES} or more; record longer, or raise the amplitude of the chirp"
         )
     weight = 1.0 / (np.abs(h) * np.maximum(found.u_relative[found.used], NOISE_FLOOR))

@@ -44,7 +44,7 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
     if not calibration:
         raise AnalysisError(
             f"{trace.source}: no calibrate segment; the torque ratio needs input and output torque measured together; "
-            "calibrate in the sequence, or give a stored calibration"
+            "add the step 'calibrate' to the recipe, or give a stored calibration"
         )
     peak = max(float(np.abs(run.take(torque_out)).max()) for run in calibration)
     fits = fit_lines(trace, calibration)

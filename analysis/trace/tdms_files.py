@@ -98,7 +98,10 @@ def _table(channels: list[Any], file: Path) -> Any:
     if TIME_COLUMN not in columns and timed:
         if len(set(timed.values())) > 1:
             found = ", ".join(f"{name} has {step} s" for name, step in timed.items())
-            raise AnalysisError(f"{file}: wf_increment: {found}; record the channels at one rate, or resample them")
+            raise AnalysisError(
+                f"{file}: sampling intervals (wf_increment) differ: {found}; record all channels at one rate, "
+                "or resample them"
+            )
         step = next(iter(timed.values()))
         columns[TIME_COLUMN] = pa.array(step * np.arange(next(iter(lengths.values()))))
     return pa.table(columns)

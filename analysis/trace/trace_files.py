@@ -278,7 +278,7 @@ def not_a_table(file: Path) -> str:
         start = stream.read(LOOKED_AT)
     for magic, what, then in NO_TABLES:
         if start.startswith(magic):
-            return f"it is {what}: {then}"
+            return f"the file is {what}: {then}"
     return ""
 
 

@@ -51,7 +51,9 @@ class TorqueFigures:
         if self.stated_by not in STATED_BY:
             raise AnalysisError(f"torque sensor: stated_by: found '{self.stated_by}'; allowed: {', '.join(STATED_BY)}")
         if not self.full_scale_nm > 0.0:
-            raise AnalysisError(f"torque sensor: full_scale_nm: found {self.full_scale_nm}; expected one above zero")
+            raise AnalysisError(
+                f"torque sensor: full_scale_nm: found {self.full_scale_nm}; expected a number above zero"
+            )
 
 
 @dataclass(frozen=True)

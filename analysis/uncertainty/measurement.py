@@ -42,19 +42,19 @@ WITHOUT_TIME = (
     "U = k·u with k = 2"
 )
 TOO_LARGE = (
-    "could not be computed: the sensor errors in the bench file are too large for this metric; check them "
-    "(accuracy, tared_zero, reversibility, fixture.accuracy)"
+    "The uncertainty could not be computed: the sensor errors in the bench file are too large for this metric; "
+    "check them (accuracy, tared_zero, reversibility, fixture.accuracy)"
 )
-WITH_LEFT_OPEN = "; with the errors that the validity checks leave open (left_open: budget)"
+WITH_LEFT_OPEN = "; it includes the errors that the validity checks cannot exclude (left_open: budget)"
 OPEN_WITHOUT_FIGURES = (
     "'left_open: budget' needs the sensor specification of a bench; give the bench file (--bench), or write "
-    "'left_open: told'"
+    "'left_open: told' in the recipe"
 )
 OPEN_UNKNOWN = (
     "'left_open: budget' needs the limit of this error from the check {check}, which did not apply: {text}; record "
-    "what the check needs, or write 'left_open: told'"
+    "what the check needs, or write 'left_open: told' in the recipe"
 )
-ONE_CYCLE = "is not known from one cycle; measure two cycles or more"
+ONE_CYCLE = "The uncertainty is not known from one cycle; measure two cycles or more"
 
 
 class Measurement:

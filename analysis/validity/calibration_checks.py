@@ -56,8 +56,8 @@ def calibrated_turn(found: Measured, quadrants: Quadrants) -> Reading | str:
             if apart > worst:
                 worst = apart
                 words = (
-                    f"the cycles turn at {-direction * measured:.4g} N·m at the input and the calibration turned at "
-                    f"{-direction * calibrated:.4g} N·m: what it says of friction after a reversal belongs to its own"
+                    f"the cycles reverse at {-direction * measured:.4g} N·m at the input, the calibration reversed at "
+                    f"{-direction * calibrated:.4g} N·m: its correction of friction after a reversal does not apply"
                 )
     return Reading(100.0 * worst, words)
 

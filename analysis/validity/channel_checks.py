@@ -61,9 +61,9 @@ def lag(found: Measured) -> Reading | str:
         return Reading(0.0)
     speed = max(windup_speed(one, found.method.reference_nm) for one in _sides(found))
     if not np.isfinite(speed):
-        return Reading(np.inf, "torque and angle lag differently; without a time column the effect is unknown")
+        return Reading(np.inf, "the lags of torque and angle differ; without a time column the effect is unknown")
     width = 2.0 * speed * delay
-    words = f"{delay * 1e3:.3g} ms between torque and angle change the width of the loop by {width:.3g} arcmin"
+    words = f"{delay * 1e3:.3g} ms of delay between torque and angle change the width of the loop by {width:.3g} arcmin"
     return of_span(found, width, words)
 
 
@@ -85,7 +85,8 @@ def _lag_from_speeds(found: Measured) -> Reading | str:
         )
     width = 2.0 * max(speeds) * abs(estimated.skew_s)
     words = (
-        f"the width of the loop changes with the speed as by {estimated.skew_s * 1e3:.3g} ms between torque and angle"
+        f"the width of the loop changes with the speed, as from a delay of {estimated.skew_s * 1e3:.3g} ms between "
+        "torque and angle"
     )
     return of_span(found, width, words)
 

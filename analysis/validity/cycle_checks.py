@@ -44,7 +44,7 @@ def wrong_way(found: Measured) -> Reading | str:
     if not has_span(found):
         return Reading(-math.inf, NO_SPAN)
     energy = min(loop.energy_nm_arcmin for loop in found.loops)
-    text = f"the loop runs the wrong way round ({energy:.3g} N·m·arcmin in a cycle; a loss is positive)"
+    text = f"the direction of the loop is wrong (energy {energy:.3g} N·m·arcmin in a cycle; a loss is positive)"
     return Reading(energy, text if energy < 0 else "")
 
 
@@ -54,8 +54,8 @@ def loop_closure(found: Measured) -> Reading | str:
     gaps = closure_gaps_arcmin(found)
     jump = widest_jump_nm(found)
     words = (
-        f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, and across them nothing "
-        "says whether the loop closes"
+        f"the branches do not meet: {jump:.3g} N·m are missing in the trace after a reversal, so it is not known "
+        "whether the loop closes"
     )
     missing = jump > JUMP * float(np.ptp(found.blocks[0].torque_nm))
     return of_span(found, max(gaps), words if missing else "")
@@ -132,7 +132,7 @@ def repeated_samples(evidence: Evidence) -> Reading | str:
         for one, values in zip(pair, of_cycle, strict=True):
             share = float((values[1:] == values[:-1]).all(axis=1).mean())
             if share > worst:
-                worst, where = share, f"{one.where}: samples are the ones before, written once more"
+                worst, where = share, f"{one.where}: samples repeat the sample before"
     return Reading(100.0 * worst, where)
 
 

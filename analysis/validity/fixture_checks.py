@@ -77,10 +77,11 @@ def locked_compliance(found: Measured) -> Reading | str:
     step = _recorded_step_arcmin(found)
     if not np.ptp(angle) and step > expected:
         words = f"the locked shaft's angle does not change; angles are recorded in steps of {step:.2g} arcmin, and the "
-        return Reading(0.0, f"{words}fixture gives way by {expected:.2g} arcmin: record the angles with more digits")
+        return Reading(0.0, f"{words}fixture deflects by {expected:.2g} arcmin: record the angles with more digits")
     words = (
-        f"the locked shaft turns by {slope * float(np.ptp(torque)):.2g} arcmin with its torque where the fixture gives "
-        f"way by {expected:.2g} arcmin: its encoder stands, turns the wrong way, or the fixture is another"
+        f"the locked shaft turns by {slope * float(np.ptp(torque)):.2g} arcmin with its torque, but the fixture "
+        f"deflects by {expected:.2g} arcmin: its encoder is stuck or counts in the wrong direction, or another "
+        "fixture is mounted"
     )
     return Reading(100.0 * float(slope) * stiffness, words)
 

@@ -9,7 +9,7 @@ import math
 
 from analysis.validity.evidence import Evidence, Figure, Reading
 
-BENCH_WAITED = "the virtual bench waits for the scan: scan periods can be long, but none is missed"
+BENCH_WAITED = "the virtual bench waits for the controller: control cycles (scans) can be long, but none is missed"
 NO_ZEROES = "not measured: the torque zeroes were not read again after the run"
 LEAST_ZEROES = 10
 """Samples of a zero that is read again; fewer are none."""

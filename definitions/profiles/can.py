@@ -65,7 +65,7 @@ class CanFieldFile:
     def __post_init__(self) -> None:
         if self.scale == 0:
             raise ValueError(
-                f"{self.name}: the scale is 0; allowed is any other number; a negative one reverses the sign"
+                f"field {self.name}: found scale 0; allowed: any other number. A negative scale reverses the sign"
             )
 
 
@@ -84,7 +84,7 @@ class CanFrameFile:
             if field.offset + SIZES[field.type] > self.bytes:
                 where = f"the {self.bytes} bytes of the frame"
                 raise ValueError(
-                    f"{field.name} at byte {field.offset} lies outside {where}. Correct offset, type or bytes"
+                    f"field {field.name} at byte {field.offset} is outside {where}. Correct offset, type or bytes"
                 )
 
 
@@ -112,4 +112,6 @@ class CanProfile:
     def __post_init__(self) -> None:
         names = [field.name for frame in self.frames for field in frame.fields]
         if len(set(names)) != len(names):
-            raise ValueError(f"a field name is used twice: {', '.join(names)}. Give each field its own name")
+            raise ValueError(
+                f"a field name is used twice in the profile: {', '.join(names)}. Give each field its own name"
+            )

@@ -110,7 +110,7 @@ class MappedObject:
     def __post_init__(self) -> None:
         if self.value and self.name != IGNORED:
             raise ValueError(
-                f"{self.name}: found a fixed value; only an object with the name {IGNORED!r} may have one. Delete it"
+                f"object {self.name}: found a fixed value; allowed only with the name {IGNORED!r}. Delete 'value'"
             )
         check_range(self.value, self.type, f"{self.index:#06x}:{self.subindex}")
 
@@ -132,10 +132,14 @@ class _Pdo:
 
     def __post_init__(self) -> None:
         if self.number > PREDEFINED_PDOS and self.cob_id is None:
-            raise ValueError(f"PDO {self.number} has no predefined COB-ID; give it a cob_id that no other device uses")
+            raise ValueError(
+                f"PDO {self.number}: no default CAN identifier. Add 'cob_id' with one that no other device uses"
+            )
         size = sum(SIZES[mapped.type] for mapped in self.objects)
         if size > PDO_BYTES:
-            raise ValueError(f"PDO {self.number} maps {size} bytes; a frame holds {PDO_BYTES}. Map fewer objects")
+            raise ValueError(
+                f"PDO {self.number}: its objects have {size} bytes; a CAN message holds {PDO_BYTES}. List fewer objects"
+            )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -175,8 +179,8 @@ class DriveProfile:
         _check_pdos("transmit_pdos", self.transmit_pdos, TRANSMIT_OBJECTS, repeated={"statusword", "mode_display"})
         if self.protections.controller_heartbeat == "none" and not self.torque_pdo.timeout:
             raise ValueError(
-                "the drive would go on when the controller is dead: give it controller_heartbeat (0x1016), or 'timeout:"
-                " true' on the receive PDO that carries target_torque"
+                "the drive would not stop when the controller program fails. Add 'controller_heartbeat' to the "
+                "protections, or 'timeout: true' to the receive PDO with target_torque"
             )
 
     @property
@@ -192,15 +196,17 @@ def _check_pdos(key: str, pdos: tuple[_Pdo, ...], known: Mapping[str, str], *, r
     mapped = [item for pdo in pdos for item in pdo.objects if item.name != IGNORED]
     for item in mapped:
         if item.name not in known:
-            raise ValueError(f"{key}: unknown name {item.name!r}; allowed: {', '.join(known)}")
+            raise ValueError(f"{key}: found an object with the unknown name {item.name!r}; allowed: {', '.join(known)}")
         if item.type != known[item.name]:
             raise ValueError(
-                f"{key}: {item.name} has type {item.type}; CiA 402 gives it {known[item.name]}. Correct the type"
+                f"{key}: object {item.name} has type {item.type}; CiA 402 requires {known[item.name]}. Correct the type"
             )
     names = [item.name for item in mapped]
     once = [name for name in names if name not in repeated]
     if len(set(once)) != len(once):
-        raise ValueError(f"{key}: an object is mapped twice: {', '.join(once)}. Map each object once")
+        raise ValueError(f"{key}: an object is listed twice: {', '.join(once)}. List each object once")
     missing = set(known) - OPTIONAL_OBJECTS - set(names)
     if missing:
-        raise ValueError(f"{key}: not mapped: {', '.join(sorted(missing))}. Map each of them in a PDO")
+        raise ValueError(
+            f"{key}: required objects are missing: {', '.join(sorted(missing))}. Add each of them to a PDO"
+        )

@@ -53,10 +53,12 @@ class IdentityRegister:
     def __post_init__(self) -> None:
         key, other = ("text", "value") if self.type == "text" else ("value", "text")
         if getattr(self, key) is None or getattr(self, other) is not None:
-            raise ValueError(f"an identity of type {self.type} needs {key} and must not have {other}")
+            raise ValueError(
+                f"identity of type {self.type}: '{key}' is needed, and '{other}' is not allowed. Add or delete them"
+            )
         if self.type != "text" and self.value is not None and self.value > RANGES[self.type][1]:
             raise ValueError(
-                f"found the identity {self.value}; allowed for {self.type}: at most {RANGES[self.type][1]}"
+                f"identity: found value {self.value}; allowed for type {self.type}: at most {RANGES[self.type][1]}"
             )
 
     @property
@@ -88,17 +90,19 @@ class ReadField:
         as_it_is = self.scale is None and self.zero is None
         if self.bit is not None and not (self.type == "u16" and as_it_is):
             raise ValueError(
-                f"{self.name}: found 'bit' with scale, zero or another type; a bit needs type u16 without scale and "
-                "zero"
+                f"field {self.name}: found 'bit' with scale, zero or another type; allowed: 'bit' with type u16, "
+                "without scale and zero"
             )
         if self.type == BIT and not as_it_is:
-            raise ValueError(f"{self.name}: a coil or discrete input has no scale and no zero. Delete them")
+            raise ValueError(
+                f"field {self.name}: a coil or discrete input has no scale and no zero. Delete 'scale' and 'zero'"
+            )
         if self.scale == 0:
             raise ValueError(
-                f"{self.name}: the scale is 0; allowed is any other number; a negative one reverses the sign"
+                f"field {self.name}: found scale 0; allowed: any other number. A negative scale reverses the sign"
             )
         if self.name in COUNTED and not as_it_is:
-            raise ValueError(f"{self.name}: a counter has no scale and no zero. Delete them")
+            raise ValueError(f"field {self.name}: a counter has no scale and no zero. Delete 'scale' and 'zero'")
 
 
 @dataclass(frozen=True)
@@ -123,19 +127,21 @@ class ReadBlock:
     def __post_init__(self) -> None:
         if self.count > MOST_READ[self.table]:
             raise ValueError(
-                f"found count {self.count} for table {self.table}; one request reads at most "
-                f"{MOST_READ[self.table]}. Read fewer"
+                f"found count {self.count} for table {self.table}; one Modbus request reads at most "
+                f"{MOST_READ[self.table]}. Lower the count"
             )
         for field in self.fields:
             _check_table(field.name, field.type, self.table)
             twin = next((one for one in self.fields if one is not field and _same_bit(one, field)), None)
             if twin is not None:
-                raise ValueError(f"{field.name} and {twin.name} are the same bit; each contact has an input of its own")
+                raise ValueError(
+                    f"fields {field.name} and {twin.name} read the same bit. Give each contact the bit of its own input"
+                )
             if field.offset + _places(field.type) > self.count:
                 what = "bits" if self.table in COIL_TABLES else "registers"
                 raise ValueError(
-                    f"{field.name} at offset {field.offset} lies outside the {self.count} {what} read. Correct offset "
-                    "or count"
+                    f"field {field.name} at offset {field.offset} lies outside the {self.count} {what} that are read. "
+                    "Correct offset or count"
                 )
 
 
@@ -159,17 +165,17 @@ class WriteBlock:
             _check_table(field.name, field.type, self.table)
             if field.offset != offset:
                 raise ValueError(
-                    f"{field.name}: found offset {field.offset}; expected {offset}, because written fields have no gaps"
+                    f"field {field.name}: found offset {field.offset}; expected {offset}: written fields have no gaps"
                 )
             offset += _places(field.type)
         if offset > MOST_WRITTEN[self.table]:
             raise ValueError(
                 f"found {offset} registers or coils to write; one Modbus request writes at most "
-                f"{MOST_WRITTEN[self.table]}"
+                f"{MOST_WRITTEN[self.table]}. Delete fields"
             )
         if self.single and offset > 1:
             raise ValueError(
-                f"found 'single: true' with {offset} registers or coils; it writes exactly one. Delete 'single'"
+                f"found 'single: true' with {offset} registers or coils; 'single' writes exactly one. Delete 'single'"
             )
 
 
@@ -201,13 +207,13 @@ def _same_bit(one: ReadField, other: ReadField) -> bool:
 
 def _check_names(names: list[str]) -> None:
     if len(set(names)) != len(names):
-        raise ValueError(f"a field name is used twice: {', '.join(names)}. Give each field its own name")
+        raise ValueError(f"a field name is used twice in the profile: {', '.join(names)}. Give each field its own name")
 
 
 def _check_table(name: str, type_name: FieldType, table: str) -> None:
     if (type_name == BIT) != (table in COIL_TABLES):
-        allowed = "bit" if table in COIL_TABLES else "a register's"
-        raise ValueError(f"{name}: found type {type_name} in table {table}; allowed is {allowed}")
+        allowed = "type bit" if table in COIL_TABLES else "a type of registers, such as u16"
+        raise ValueError(f"field {name}: found type {type_name} in table {table}; allowed: {allowed}")
 
 
 def _places(type_name: FieldType) -> int:

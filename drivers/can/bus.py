@@ -35,7 +35,7 @@ _NEXT_STEPS = {
     "socketcand": "check that the socketcand server or virtual bench runs at host, port and channel of the bench file",
     "socketcan": "check `ip -details link show`: the interface must exist, be up and have the bus's bit rate",
     "slcan": "check the adapter's plug, its port name, and your permission to open the port",
-    "virtual": "use a python-can release with the virtual interface",
+    "virtual": "install a release of python-can that has the interface 'virtual'",
 }
 
 

@@ -104,7 +104,8 @@ class ScanSlcanBus(slcanBus):
         self._part = text[start:]
         if len(self._part) > LONGEST_LINE:
             raise CanOperationError(
-                f"this is no slcan adapter: its answer {self._part[:16]!r}… is incomplete. Check the port"
+                f"this is no slcan adapter: its answer {self._part[:16]!r}… is incomplete. Check the serial port in "
+                f"the bench file"
             )
 
     def shutdown(self) -> None:

@@ -15,8 +15,10 @@ COB_NO_RTR = 1 << 30
 PDO_NUMBERS = range(1, 9)
 """Those that a profile may use, and four more that drives have: what nobody asked for would fill the bus."""
 
-_FIXED_NEXT = "this drive has a fixed PDO mapping: list its objects in the profile, unused ones as 'ignored'"
-_MAPPING_NEXT = "correct the mapping in the drive profile, or restore the drive's PDO defaults"
+_FIXED_NEXT = (
+    "this drive has fixed process data (PDO mapping): list its objects in the drive profile, unused ones as 'ignored'"
+)
+_MAPPING_NEXT = "correct the PDO mapping in the drive profile, or restore the drive's PDO defaults"
 
 
 def mapping_groups(config: DriveConfig) -> list[list[SetupRow]]:

@@ -10,7 +10,7 @@ from drivers.servo_drive.comparison import SILENCES_IN_A_ROW
 from drivers.servo_drive.objects import SetupRow, Treatment, number_text
 from drivers.servo_drive.sdo import OBJECT_MISSING, SUBINDEX_MISSING, SdoFailure, SdoNode
 
-NODE_NEXT = "check power, node id, bit rate, cable and termination"
+NODE_NEXT = "check power, node id, bit rate, cable and termination of the device"
 _WRITTEN = (Treatment.WRITE, Treatment.STEP, Treatment.WRITE_IF_THERE)
 _READ_BACK = (Treatment.WRITE, Treatment.WRITE_IF_THERE)
 _NEVER_COMPARED = (Treatment.STEP, Treatment.CHECK)

@@ -57,9 +57,9 @@ SDO_ABORTS = MappingProxyType(
         0x0604_0043: AbortHint("parameters do not fit together", "check the limits in the bench file"),
         0x0604_0047: AbortHint("the device's parameters conflict", "load the device's parameter set again"),
         0x0606_0000: AbortHint("hardware error in the device", "switch the device off and on; read its error history"),
-        0x0607_0010: AbortHint("wrong data type or length", "correct the type in the profile"),
-        0x0607_0012: AbortHint("data too long", "correct the type in the profile"),
-        0x0607_0013: AbortHint("data too short", "correct the type in the profile"),
+        0x0607_0010: AbortHint("wrong data type or length", "correct the type of this object in the profile"),
+        0x0607_0012: AbortHint("data too long", "correct the type of this object in the profile"),
+        0x0607_0013: AbortHint("data too short", "correct the type of this object in the profile"),
         0x0609_0011: AbortHint("the subindex does not exist", "this device lacks it: compare profile and manual"),
         0x0609_0030: AbortHint("value outside the device's range", "correct the value in the bench file"),
         0x0609_0031: AbortHint("value too high for this device", "lower the value in the bench file"),
@@ -199,7 +199,9 @@ class SdoNode:
         data = self._transfer(lambda: self._client.upload(index, subindex))
         size = SIZES[type_name]
         if len(data) < size:
-            raise SdoFailure(f"{len(data)} bytes instead of {size}", "correct the type in the profile")
+            raise SdoFailure(
+                f"the device sent {len(data)} bytes instead of {size}", "correct the type of this object in the profile"
+            )
         return int.from_bytes(data[:size], "little", signed=type_name.startswith("i"))
 
     def write(self, index: int, subindex: int, type_name: str, value: int) -> None:

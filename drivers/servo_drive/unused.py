@@ -36,7 +36,7 @@ class Missing(NamedTuple):
         meaning, objects = self.protection.meaning, self.protection.objects
         if self.there:
             return f"The drive has {self.there}, but its profile does not use it: {meaning}."
-        return f"Protection missing: {meaning} ({objects})."
+        return f"Protection missing: {meaning} (object {objects} of the drive)."
 
     def cure(self, profile: str) -> str:
         """Return what to do, a sentence; profile: its name."""

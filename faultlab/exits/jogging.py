@@ -29,7 +29,9 @@ def _turning(name: str) -> Bench:
     bench = Bench(compile_jog(work.bench, jog_speed_rad_s(work.bench)), config, scenario)
     _hold(bench, PRESSED_AT_S + TURNING_S)
     if bench.run.orders[-1].phase != JogPhase.TURNING:
-        raise RuntimeError(f"the jog of {name} does not turn: {JogPhase(bench.run.orders[-1].phase).name.lower()}")
+        raise RuntimeError(
+            f"the jog of {name} does not turn the shaft: {JogPhase(bench.run.orders[-1].phase).name.lower()}"
+        )
     return bench
 
 

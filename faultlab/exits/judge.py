@@ -51,7 +51,7 @@ def judge_exit(row: Exit, run: FaultRun, begin: int, by: str, *, began: str, end
     opened_nm = None if opened is None else abs(run.torque_nm[opened])
     wrong = []
     if down_s is None or down_s > row.bound_s:
-        wrong.append(f"torque down after {down_s} s, allowed {row.bound_s:g} s")
+        wrong.append(f"torque was removed after {down_s} s, allowed {row.bound_s:g} s")
     if row.lock == "opened" and (opened_nm is None or opened_nm > LOW_SHARE_OF_RATED * RATED_NM or low_s is None):
         wrong.append(f"the lock was opened at {opened_nm} N·m")
     if row.lock == "stays closed" and opened is not None:

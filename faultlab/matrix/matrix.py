@@ -113,7 +113,7 @@ def assess(run: FaultRun, number: int, row: Row, state: str, rated_nm: float, *,
     if detect > row.detect_scans + wire_scans:
         wrong.append(f"detected after {detect} scans, allowed {row.detect_scans + wire_scans}")
     if order != 0:
-        wrong.append(f"ordered {order} scans after the alarm")
+        wrong.append(f"the reaction was ordered {order} scans after the alarm")
     else:
         wrong += not_as_in_table(run, _came_into_force(run, alarm))
     if cause.reaction > Reaction.HOLD:

@@ -26,7 +26,10 @@ BEYOND_BLANK_TEST = 1.05
 LEAST_CYCLES = 3
 """Cycles of which one more than two says how well the skew is known."""
 ALIGNMENT: OptionPath = ("measurement", "alignment")
-BY_BENCH = "Add a block of cycles at another speed, or write 'declared' to use the lags of the bench file."
+BY_BENCH = (
+    "Lags are measured by cycles at two speeds: add a block of cycles at another speed. Or write 'declared' "
+    "to use the lags of the bench file."
+)
 
 Ramps = TorqueCycles | SpeedCycles
 """Cycles that run at one speed; a staircase stands still where it is read."""

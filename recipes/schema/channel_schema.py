@@ -81,7 +81,9 @@ class CanSensor(Section):
             raise refusal("heartbeat without node_id", "both, or no heartbeat", hint, at="heartbeat")
         if self.heartbeat_s is not None and self.heartbeat_s < SHORTEST_HEARTBEAT_S:
             raise refusal(
-                show(self.heartbeat_s, PERIOD), f"at least {show(SHORTEST_HEARTBEAT_S, PERIOD)}", at="heartbeat"
+                f"a heartbeat of {show(self.heartbeat_s, PERIOD)}",
+                f"at least {show(SHORTEST_HEARTBEAT_S, PERIOD)}",
+                at="heartbeat",
             )
         return self
 

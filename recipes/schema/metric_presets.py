@@ -32,7 +32,7 @@ class Preset(NamedTuple):
 
 
 RATED = "rated torque"
-NO_FIT = "none: values are read from the branches"
+NO_FIT = "no fit: values are read from the measured branches"
 
 PRESETS: dict[str, Preset] = {
     "static": Preset(

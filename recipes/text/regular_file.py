@@ -37,4 +37,4 @@ def open_regular(path: str | Path) -> BinaryIO:
     os.close(handle)
     if kind == stat.S_IFDIR:
         raise IsADirectoryError(EISDIR, os.strerror(EISDIR), str(path))
-    raise OSError(EINVAL, f"{KINDS.get(kind, 'no file')}, where a file is needed", str(path))
+    raise OSError(EINVAL, f"this is {KINDS.get(kind, 'no file')}, but a file is needed", str(path))

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import get_args
 
 import pytest
-from typer.main import get_command
 
 from definitions.faults import FAULTS
 from definitions.protections import WITHOUT_INTERLOCK
@@ -17,7 +16,7 @@ from recipes.schema.bench_schema import Bench
 from recipes.schema.calibration_schema import FixturePoint
 from recipes.schema.recipe_schema import Recipe
 from recipes.text.section import Section
-from station.cli import COMMANDS, app
+from station.cli import COMMANDS, command_line
 
 ROOT = Path(__file__).parents[2]
 
@@ -33,11 +32,11 @@ def test_the_page_of_the_command_line_has_every_command_once_and_in_the_order_of
     rows = re.findall(r"^\| `([^`]+)`(.*)", page.partition("\n## ")[0], re.MULTILINE)
     listed = [what.split()[0] for what, _ in rows]
     assert list(dict.fromkeys(listed)) == [name for commands in COMMANDS.values() for name in commands]
-    groups = {name for name, command in get_command(app).commands.items() if hasattr(command, "commands")}
+    groups = {name for name, command in command_line().commands.items() if hasattr(command, "commands")}
     assert {name for name, times in Counter(listed).items() if times > 1} <= groups, "one row for each of its commands"
     for group in ("study", "faults"):
         row = " ".join(what + rest for what, rest in rows if what.startswith(group))
-        missing = [name for name in get_command(app).commands[group].commands if name not in row]
+        missing = [name for name in command_line().commands[group].commands if name not in row]
         assert missing == []
 
 

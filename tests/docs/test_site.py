@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from typer.main import get_command
 
 from docs.site import tutorial
 from docs.site.build import build
-from station.cli import app
+from station.cli import command_line
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = sorted(DOCS.glob("**/*.md"))
@@ -94,7 +93,7 @@ def commands_on(page: Path) -> Iterator[str]:
 def wrong_with(line: str) -> str:
     """Return what is wrong with a command line: a command or an option that there is not."""
     words = shlex.split(line, comments=True)[1:]
-    command: Any = get_command(app)
+    command: Any = command_line()
     while hasattr(command, "commands"):
         word = next((one for one in words if not one.startswith("-")), "")
         skipped = words[: words.index(word)] if word else words

@@ -37,16 +37,16 @@ def _set(*path: Any) -> Callable[[Any], None]:
 
 DRIVE_MISTAKES = [
     (_set("receive_pdos", 0, "objects", 2, "name", "target_torq"), "unknown name 'target_torq'"),
-    (_set("receive_pdos", 0, "objects", 2, "type", "i32"), "target_torque has type i32; CiA 402 gives it i16"),
+    (_set("receive_pdos", 0, "objects", 2, "type", "i32"), "target_torque has type i32; CiA 402 requires i16"),
     (_set("transmit_pdos", 1, "number", 1), "a PDO number is used twice"),
-    (_set("transmit_pdos", 1, "objects", 1, "name", "actual_position"), "an object is mapped twice"),
-    (lambda raw: raw["receive_pdos"].pop(), "not mapped: target_velocity"),
+    (_set("transmit_pdos", 1, "objects", 1, "name", "actual_position"), "an object is listed twice"),
+    (lambda raw: raw["receive_pdos"].pop(), "required objects are missing: target_velocity"),
     (_set("profile", "vendor_id", "0x12"), "valid integer"),
     (_set("scaling", "velocity_counts_per_rad_s", 0.0), "greater than 0"),
     (_set("comment", "x"), "Unexpected keyword argument"),
     (
         lambda raw: raw["transmit_pdos"][1]["objects"].append(raw["transmit_pdos"][0]["objects"][3]),
-        "PDO 2 maps 9 bytes; a frame holds 8",
+        "PDO 2: its objects have 9 bytes; a CAN message holds 8",
     ),
 ]
 
@@ -60,15 +60,15 @@ def test_drive_profile_mistakes(change: Callable[[Any], None], reason: str) -> N
 
 
 MODBUS_MISTAKES = [
-    (_set("read", "count", 3), "outside the 3 registers read"),
-    (_set("read", "fields", 1, "type", "i16"), "a bit needs type u16 without scale"),
+    (_set("read", "count", 3), "outside the 3 registers that are read"),
+    (_set("read", "fields", 1, "type", "i16"), "allowed: 'bit' with type u16, without scale"),
     (_set("read", "fields", 1, "name", "identity"), "a field name is used twice"),
-    (_set("read", "table", "coil"), "found type u16 in table coil; allowed is bit"),
+    (_set("read", "table", "coil"), "found type u16 in table coil; allowed: type bit"),
     (_set("identity", "value", 65536), "65535"),
-    (_set("identity", "text", "AB"), "needs value and must not have text"),
-    (_set("read", "fields", 4, "scale", 0.0), "the scale is 0"),
-    (_set("read", "fields", 2, "bit", 0), "estop_released and guard_closed are the same bit"),
-    (_set("read", "fields", -1, "scale", -1.0), "a counter has no scale and no zero. Delete them"),
+    (_set("identity", "text", "AB"), "'value' is needed, and 'text' is not allowed"),
+    (_set("read", "fields", 4, "scale", 0.0), "found scale 0"),
+    (_set("read", "fields", 2, "bit", 0), "estop_released and guard_closed read the same bit"),
+    (_set("read", "fields", -1, "scale", -1.0), "a counter has no scale and no zero. Delete 'scale'"),
     (_set("write", {"table": "input", "address": 0, "fields": []}), "Input should be 'holding'"),
     (
         _set("write", {"table": "holding", "address": 0, "fields": [{"name": "a", "offset": 1, "type": "u16"}]}),

@@ -92,7 +92,7 @@ def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     wires, scans = result["timing"]["wires"], result["timing"]["scans"]
     assert min(wires["flange.frames"], wires["encoders.frames"] / 2) > 0.99 * scans
     assert wires["flange.malformed"] == wires["encoders.malformed"] == wires["can.frames_foreign"] == 0
-    assert any("Channel angle_in of encoders: not proven" in note for note in result["notes"])
+    assert any("Channel angle_in of encoders: this device cannot prove" in note for note in result["notes"])
     assert wires["flange.heartbeats"] > 0.99 * scans / 50
     of_sensors = [note for note in result["notes"] if note.startswith("Sensor ")]
     assert len(of_sensors) == 2, "identity and heartbeat of the flange are looked at"
@@ -123,9 +123,11 @@ def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_dr
     result = run_on(lostmotion, recipe, "can-dbc")
     assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
     assert result["timing"]["wires"]["box.frames"] > 1.98 * result["timing"]["scans"]
-    assert not any("torque_out of box: not proven" in note for note in result["notes"]), "its noise proves it new"
+    assert not any("torque_out of box: this device cannot prove" in note for note in result["notes"]), (
+        "its noise proves it new"
+    )
     (said,) = [note for note in result["notes"] if "its outputs may fall then" in note]
-    assert said.startswith("Brake: not proven that the lock stays closed")
+    assert said.startswith("Brake: this device cannot prove that the lock stays closed")
     assert not any("brake is on: what was ordered" in note for note in result["notes"]), "a contact says so"
 
 

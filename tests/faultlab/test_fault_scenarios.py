@@ -94,7 +94,7 @@ def test_a_fault_that_does_not_act_fails_its_scenario(tmp_path, capsys):
     )
     assert command_faults.run(path, command_faults.How(), as_json=False) == 1
     said = capsys.readouterr().out
-    assert "io.guard open had no effect: its trigger (torque_out_above_nm 9000.0) was not reached" in said
+    assert "the fault io.guard open had no effect: its trigger (torque_out_above_nm 9000.0) was not reached" in said
 
 
 @pytest.mark.parametrize(
@@ -319,7 +319,8 @@ def test_a_moment_that_does_not_come_fails_at_its_line_and_says_what_came(tmp_pa
         == 1
     )
     (wrong,) = [line for line in capsys.readouterr().out.splitlines() if "mine.yaml:" in line]
-    assert "mine.yaml:3:5: io.guard open had no effect: its trigger (state ramp_pos, after_scans 30000)" in wrong
+    due = "its trigger (state ramp_pos, after_scans 30000)"
+    assert f"mine.yaml:3:5: the fault io.guard open had no effect: {due}" in wrong
     assert "ramp_pos lasted" in wrong
     assert "complete at scan" in wrong
 

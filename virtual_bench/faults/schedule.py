@@ -36,17 +36,17 @@ def moment_of(when: When) -> str:
 
 def without_effect(fault: Fault) -> str:
     """Begin the sentence about a fault that has had no effect."""
-    return f"{fault.target} {fault.verb} had no effect: "
+    return f"the fault {fault.target} {fault.verb} had no effect: "
 
 
 def never_due(fault: Fault) -> str:
     """Say that the moment of a fault did not come."""
-    return f"{without_effect(fault)}its trigger ({moment_of(fault.when)}) was not reached"
+    return f"the fault {fault.target} {fault.verb} had no effect: its trigger ({moment_of(fault.when)}) was not reached"
 
 
 def never_met(fault: Fault) -> str:
     """Say that nothing went a fault's way."""
-    return f"{without_effect(fault)}it was injected, but nothing changed"
+    return f"the fault {fault.target} {fault.verb} had no effect: it was injected, but nothing changed"
 
 
 class FaultSchedule:

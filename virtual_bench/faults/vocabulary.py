@@ -24,7 +24,7 @@ FRAMES = {
     "can.drive.tpdo1": "status of the drive (transmit PDO 1)",
     "can.drive.tpdo2": "position of the drive (transmit PDO 2)",
     "can.drive.emcy": "emergency messages of the drive",
-    "can.drive.sdo": "SDO answers of the drive",
+    "can.drive.sdo": "parameter answers (SDO) of the drive",
 }
 """Frames that can be lost, by the name of their target."""
 

@@ -41,7 +41,7 @@ class PythonCanPort:
             self._bus = can.Bus(interface=config.interface, channel=config.channel, bitrate=config.bitrate)
             descriptor = self._bus.fileno()
         except (can.CanError, NotImplementedError, ValueError) as error:
-            raise OSError(f"CAN {config.interface} {config.channel}: {error}") from error
+            raise OSError(f"CAN interface {config.interface}, channel {config.channel}: {error}") from error
         asyncio.get_running_loop().add_reader(descriptor, self._read)
 
     async def stop(self) -> None:

@@ -161,8 +161,11 @@ def _of_side(
             rows.append(found)
     rows = _attempts(rows, ask.attempts, left_out)
     if not rows:
-        what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
-        raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
+        what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "no runs"
+        raise StationError(
+            f"folder {data}: no run has a usable value of {ask.metric}; found {what}. See 'lostmotion list' for all "
+            "runs"
+        )
     metric = _same(rows, _name(ask))
     pooled = kinds_of(row.metric for row in rows)
     if ask.recipe is None:
@@ -227,13 +230,13 @@ def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
     recipes, torques = _counts(kinds, "recipe"), _counts(kinds, "torque")
     if len(recipes) > 1:
         raise StationError(
-            f"{metric}: found {_listing(recipes, 'recipe')}; only runs of one recipe are comparable. Choose it with "
-            "--recipe NAME"
+            f"{metric}: found {_listing(recipes, 'recipe')}; only runs of one recipe can be compared. Choose "
+            "the recipe with --recipe NAME"
         )
     if len(torques) > 1:
         raise StationError(
-            f"{metric}: found {_listing(torques, 'torque')}; their sensor errors differ. Keep them in separate "
-            f"data folders, or combine them with --recipe {next(iter(recipes))}"
+            f"{metric}: found {_listing(torques, 'torque')}; errors of different torque sensors differ. Keep these "
+            f"runs in separate data folders, or combine them with --recipe {next(iter(recipes))}"
         )
 
 
@@ -258,8 +261,9 @@ def _same(rows: list[StoredValue], name: str) -> MetricRow:
         if of(other) != meaning:
             differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
             raise StationError(
-                f"runs {other.run} and {metric.run} mean different things by {name}: {differs[0]} is "
-                f"{_shown(other, differs[0])} and {_shown(metric, differs[0])}. Choose runs of one recipe with --recipe"
+                f"runs {other.run} and {metric.run} define {name} differently: option {differs[0]} is "
+                f"{_shown(other, differs[0])} in one and {_shown(metric, differs[0])} in the other. Choose runs of one "
+                "recipe with --recipe"
             )
     return metric
 

@@ -68,7 +68,7 @@ def load() -> None:
     for name in LOADED:
         import_module(name)
     load_ahead()
-    command_line()
+    command_line("run")
     software()
     for kind in (Manifest, Result, Timing):
         adapter(kind)

@@ -52,8 +52,7 @@ def _below(rows: list[RunRow]) -> list[str]:
     lines = [f"damaged  {one.run}: {one.error}" for one in rows if one.state == "damaged"]
     waiting = sum(one.state == NOT_CONCLUDED and not one.scanning for one in rows)
     if waiting:
-        what = "run is" if waiting == 1 else "runs are"
-        lines.append(f"{waiting} {what} not concluded: 'lostmotion conclude --all' evaluates them")
+        lines.append(f"runs that are not evaluated yet: {waiting}. 'lostmotion conclude --all' evaluates them")
     return lines
 
 

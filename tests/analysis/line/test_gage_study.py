@@ -149,5 +149,5 @@ def test_rows_in_any_order() -> None:
 def test_names_and_lengths_are_checked() -> None:
     with pytest.raises(AnalysisError, match="1 names of parts"):
         GageDesign(np.zeros((2, 2, 2)), ("1",), ("A", "B"))
-    with pytest.raises(AnalysisError, match="one of each per row"):
+    with pytest.raises(AnalysisError, match="one value in each row"):
         gage_design(["A"], ["1", "2"], [1.0])

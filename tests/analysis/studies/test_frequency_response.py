@@ -93,7 +93,7 @@ def test_gate_leaves_noisy_lines_out() -> None:
 def test_nothing_but_noise_passes_no_gate() -> None:
     t, torque, _ = chirp(0.05)
     noise = np.random.default_rng(4).normal(size=t.size)
-    with pytest.raises(AnalysisError, match=r"no line reaches a coherence of 0\.999"):
+    with pytest.raises(AnalysisError, match=r"no frequency reaches a coherence of 0\.999"):
         frequency_response(t, torque, noise, (6.0, 110.0), period_s=8.0, least_coherence=0.999)
 
 
@@ -106,7 +106,7 @@ def test_no_resonance_in_the_band() -> None:
 def test_too_few_lines() -> None:
     f = np.arange(5.0) + 1
     few = FrequencyResponse(f, f + 0j, np.ones(5), np.full(5, 0.1), np.ones(5, bool), 5.0)
-    with pytest.raises(AnalysisError, match="5 lines reach the coherence limit"):
+    with pytest.raises(AnalysisError, match="5 frequencies reach the coherence limit"):
         fit_resonance(few)
 
 
@@ -117,7 +117,7 @@ X = np.sin(T * 100)
 @pytest.mark.parametrize(
     ("t", "x", "y", "band", "period", "said"),
     [
-        (T[:10], X[:10], X[:10], (1, 10), None, "expected 64 or more"),
+        (T[:10], X[:10], X[:10], (1, 10), None, "of each, 64 or more"),
         (T, X[:-1], X, (1, 10), None, "1000 times, 999 torques"),
         (T**2, X, X, (1, 10), None, "not equally spaced"),
         (T, X, np.full(1000, np.nan), (1, 10), None, "row 1 of angle"),

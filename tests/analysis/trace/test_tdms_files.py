@@ -80,7 +80,7 @@ def test_several_segments_of_a_recording(tmp_path: Path) -> None:
         ((channel("torque_out_nm"), channel("angle_out_rad", group="other")), "known channels in groups loop, other"),
         (
             (channel("torque_out_nm", wf_increment=0.1), channel("angle_out_rad", wf_increment=0.2)),
-            "torque_out_nm has 0.1 s, angle_out_rad has 0.2 s; record the channels at one rate",
+            "torque_out_nm has 0.1 s, angle_out_rad has 0.2 s; record all channels at one rate",
         ),
         ((channel("torque_out_nm", np.array([1.0, np.nan, 2.0])),), "row 2, column torque_out_nm: found nan"),
         ((channel("torque_out_nm", ["1", "two"]),), "row 2, column torque_out_nm: found 'two'"),

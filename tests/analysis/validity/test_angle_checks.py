@@ -35,7 +35,7 @@ def test_a_lag_that_nobody_declared_is_measured_by_two_speeds() -> None:
     even, late = judged(**wanted), judged(**wanted | {"trace": lagging(wanted["trace"], 0.05)})
     assert of(even, "lag").figure < 0.01
     assert of(late, "lag").passed is False
-    assert "as by -50" in of(late, "lag").text
+    assert "as from a delay of -50" in of(late, "lag").text
     assert late.verdict is Verdict.NOT_DECIDABLE
 
 

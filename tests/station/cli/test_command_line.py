@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 from lostmotion_command import ROOT, here
 from shipped_copies import simple_acceptance
 
-from station.cli import app
+from station.cli import COMMANDS, command_line
 
 RECIPE = "recipes/rv-40e-121-inverse.yaml"
 
@@ -233,6 +232,23 @@ def test_refusals_without_a_place_are_json_too(args: tuple[str, ...], found: str
     assert done.err
 
 
+@pytest.mark.parametrize("word", ["run", "quality", "faults"])
+def test_a_command_alone_is_what_it_is_among_all(word: str) -> None:
+    alone, whole = command_line(word), command_line()
+    assert list(alone.commands) == [word]
+    assert [option.opts for option in alone.params] == [option.opts for option in whole.params]
+    help_of = [
+        group.commands[word].get_help(group.commands[word].make_context(word, [], resilient_parsing=True))
+        for group in (alone, whole)
+    ]
+    assert help_of[0] == help_of[1]
+
+
+@pytest.mark.parametrize("word", ["", "--help", "--store", "runn"])
+def test_another_first_word_has_all_commands_to_choose_from(word: str) -> None:
+    assert len(command_line(word).commands) == sum(map(len, COMMANDS.values()))
+
+
 def commands_with_json(group: Any, *before: str) -> Iterator[tuple[str, ...]]:
     for name, command in group.commands.items():
         if hasattr(command, "commands"):
@@ -241,7 +257,7 @@ def commands_with_json(group: Any, *before: str) -> Iterator[tuple[str, ...]]:
             yield (*before, name)
 
 
-@pytest.mark.parametrize("words", list(commands_with_json(typer.main.get_command(app))), ids=" ".join)
+@pytest.mark.parametrize("words", list(commands_with_json(command_line())), ids=" ".join)
 def test_every_command_with_json_refuses_in_json(words: tuple[str, ...]) -> None:
     done = here(*words, "--nonsense", "--json")
     assert done.exit_code == 2

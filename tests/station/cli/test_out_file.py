@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import typer.main
 from lostmotion_command import here
 
-from station.cli import app
+from station.cli import command_line
 from station.cli.out_file import writing
 from station.errors import StationError
 
@@ -55,7 +54,7 @@ def with_option(group: Any, *names: str) -> Iterator[str]:
 
 
 def test_every_command_that_writes_a_file_is_here() -> None:
-    whole = typer.main.get_command(app)
+    whole = command_line()
     assert set(with_option(whole, "--out")) == set(WRITERS)
     assert set(with_option(whole, "--page", "--html")) == set(PAGES)
 
@@ -109,6 +108,6 @@ def test_a_report_may_be_written_into_the_folder_of_its_own_run(run: Path) -> No
 
 
 def test_a_place_that_takes_no_file_is_told() -> None:
-    told = r"^out\.csv: cannot be written: Permission denied\. Choose another --out$"
+    told = r"^file out\.csv cannot be written: Permission denied\. Choose another place with --out$"
     with pytest.raises(StationError, match=told), writing(Path("out.csv")):
         raise PermissionError(13, "Permission denied")

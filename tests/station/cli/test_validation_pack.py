@@ -215,6 +215,6 @@ def test_bad_input_is_refused_and_nothing_is_written(
 
 
 def test_a_pack_needs_a_place_and_a_check_needs_a_pack(folder: Path, tmp_path: Path) -> None:
-    assert "found no --out" in here("quality", "validation", "--data", str(folder)).err
+    assert "--out is missing" in here("quality", "validation", "--data", str(folder)).err
     assert "is no validation pack" in here("quality", "validation", "--check", str(tmp_path)).err
     assert here("quality", "validation", "--data", str(tmp_path / "no"), "--out", str(tmp_path / "x")).exit_code == 2

@@ -112,7 +112,7 @@ def test_a_master_part_is_no_unit_of_the_line(tmp_path: Path) -> None:
     assert dict(found.left_out) == {"of a master part": 1}
     alone = stored_values(tmp_path, Ask("lost_motion", serial=GOOD.serial))
     assert [one.value for one in alone.values] == [0.9]
-    with pytest.raises(StationError, match="no run has a value"):
+    with pytest.raises(StationError, match="no run has a usable value"):
         stored_values(tmp_path, Ask("lost_motion", serial="U9"))
 
 

@@ -225,7 +225,7 @@ REFUSED = {
     "limits of nothing": (("--limits", "lost_motion"), "a metric and what is other"),
     "a limit that is no number": (("--limits", "lost_motion max=wide"), "a number"),
     "an option that is none": (("--limits", "lost_motion upper=1"), "min, max, guard and branch"),
-    "two questions": (("--limits", "lost_motion max=1", "--preset", "nabtesco"), "a question of its own"),
+    "two questions": (("--limits", "lost_motion max=1", "--preset", "nabtesco"), "cannot be combined"),
     "a condition that is none": (("--preset", "nabtesco", "--where", "colour=red"), "allowed is NAME=VALUE"),
     "a date that is none": (("--preset", "nabtesco", "--where", "since=monday"), "a date"),
     "a preset that is none": (("--preset", "nobody"), "allowed are"),

@@ -51,7 +51,7 @@ def test_a_preset_is_never_the_runs_own_verdict(failed: RunRecord) -> None:
     result = reevaluate(failed, None, None, Selection("nabtesco"))
     assert (result.preset, result.reevaluated, result.original_verdict) == ("nabtesco", True, "FAIL")
     assert [metric.id for metric in result.metrics] == ["backlash_width_zero", "lost_motion", "stiffness_50_100"]
-    assert "by the definitions of preset nabtesco, not the run's own verdict (FAIL)" in reevaluation_heading(result)
+    assert "by the definitions of preset nabtesco. The run's own verdict was FAIL" in reevaluation_heading(result)
     assert RunRecord(failed.folder).manifest().verdict == "FAIL"
 
 
@@ -63,7 +63,7 @@ def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_pat
     assert (result["reevaluated"], result["original_verdict"]) == (True, "FAIL")
     shown = here("analyze", str(failed.folder), "--recipe", generous).out
     sha = result["recipe"]["sha256"][:8]
-    heading = f"RE-EVALUATED with rv-40e-121-quick rev {REVISION} ({sha}), not the run's own verdict (FAIL)"
+    heading = f"RE-EVALUATED with recipe rv-40e-121-quick revision {REVISION} ({sha}). The run's own verdict was FAIL"
     assert shown.startswith(heading)
     assert shown.rstrip().endswith(heading)
 

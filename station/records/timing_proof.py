@@ -130,6 +130,6 @@ def clock_note(timing: Timing) -> str:
         return ""
     share = missed / max(timing.scans, 1)
     return (
-        f"With real hardware this computer would have missed {missed} periods ({share:.2%}). 'lostmotion timing' "
+        f"With real hardware this computer would have missed {missed} scan cycles ({share:.2%}). 'lostmotion timing' "
         "shows causes and remedies"
     )

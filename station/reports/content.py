@@ -98,20 +98,20 @@ def uncertainty_kind(metrics: Sequence[MetricValue]) -> str:
     budgeted = [one for one in known if one.uncertainty_kind in WITH_FIGURES and one.budget]
     none = f" No U: {NO_U}." if len(known) < len(metrics) else ""
     if not budgeted:
-        return f"{U_TEXT} of the scatter within this run only, without the sensors.{none}"
+        return f"{U_TEXT}. It has the scatter within this run only, no errors of the sensors.{none}"
     holds = WITH_FIGURES["untimed" if "untimed" in kinds else "budget"]
     others = [metric_name(one) for one in known if one not in budgeted]
     scatter = f" Scatter within this run only: {', '.join(others)}." if others else ""
-    return f"{U_TEXT}{holds}.{scatter}{none}"
+    return f"{U_TEXT}.{holds}{scatter}{none}"
 
 
 U_TEXT = "± is the expanded uncertainty U (k = 2)"
 
-NO_U = "needs two cycles or an uncertainty budget, and sensor errors small enough for the metric"
+NO_U = "U needs two cycles or an uncertainty budget, and sensor errors small enough for the metric"
 
 WITH_FIGURES = {
     "budget": "",
-    "untimed": ", without delay and drift: the trace has no time column",
+    "untimed": " U has no contribution of delay and drift, because the trace has no time column.",
 }
 """Kinds of an uncertainty that comes from sensor specifications, and what it leaves out."""
 

@@ -69,7 +69,7 @@ def test_a_master_part_speaks_for_its_bench_while_it_is_young_and_reads_right(
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [
-        (100.0, 104.0, "stiffness_lsq above 4 %"),
+        (100.0, 104.0, "above 4 % of the metric stiffness_lsq"),
         (None, 104.0, "lower and an upper limit"),
         (100.0, None, "lower and an"),
     ],

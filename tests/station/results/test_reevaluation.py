@@ -86,7 +86,7 @@ def test_a_recipe_for_another_model_is_refused(failed: RunRecord, tmp_path: Path
 
 def test_a_recipe_with_another_ratio_is_refused(failed: RunRecord, tmp_path: Path) -> None:
     """A larger ratio makes the play of the same unit smaller: 1.17 arcmin by 121 are 0.94 by 151."""
-    with pytest.raises(StationError, match=r"found 151; run .* of 121\. One model has one ratio"):
+    with pytest.raises(StationError, match=r"found 151; run .* with ratio 121\. One model has one ratio"):
         reevaluate(failed, changed_recipe(tmp_path, ("ratio: 121", "ratio: 151")), None)
 
 
@@ -119,7 +119,7 @@ def test_a_bench_that_loads_the_other_side_is_refused(failed: RunRecord) -> None
 
 
 def test_a_recipe_that_loads_the_other_side_is_refused(failed: RunRecord) -> None:
-    with pytest.raises(StationError, match="was loaded at its input"):
+    with pytest.raises(StationError, match="the input shaft was loaded"):
         reevaluate(failed, "rv-40e-121-output", None)
 
 

@@ -218,7 +218,7 @@ def test_a_big_store_of_the_version_before_waits_for_a_rebuild(
     with database.writing() as connection:
         _to_the_version_before(connection)
     database.close()
-    with pytest.raises(StoreError, match=r"version 0005 with more than 10 runs.*'lostmotion store rebuild'"):
+    with pytest.raises(StoreError, match=r"version 0005 and more than 10 runs.*'lostmotion store rebuild'"):
         another_recipe(plant, "inverse", 1, "", most_s=1.0)
     with look_at(plant) as view:
         assert len(view.runs) == len(before["attempts"])

@@ -69,12 +69,12 @@ def test_the_first_rule_that_fits_counts_and_what_the_next_start_is_judged_by_st
     found = planned(data)
     assert found == {
         ("GOOD-1", "good"): "",
-        ("GOOD-2", "good"): "is the newest run of its bench or of its serial number",
+        ("GOOD-2", "good"): "this is the newest run of its bench or of its serial number",
         ("GOOD-1", "injected"): "",
     }, "the bad unit has days left, and what was not concluded is of no rule's verdict"
     bad = next(run for run in Store(data).runs() if run.serial() == "GOOD-1")
     (bad.folder / "result.json").write_text("{}", encoding="utf-8")
-    assert planned(data)["GOOD-1", "good"].startswith("has changed")
+    assert planned(data)["GOOD-1", "good"].startswith("the run has changed")
 
 
 def test_nothing_goes_that_is_not_in_the_backup_as_it_is(data: Path) -> None:

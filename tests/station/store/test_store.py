@@ -404,7 +404,7 @@ def test_no_sqlite_file_lies_on_a_network_mount(tmp_path: Path, monkeypatch: pyt
     assert "network mount (nfs4)" in place.note
     assert not place.url.startswith(f"sqlite:///{tmp_path}")
     monkeypatch.setenv(STORE_URL, f"sqlite:///{tmp_path}/x.sqlite3")
-    with pytest.raises(StationError, match="network mount"):
+    with pytest.raises(StationError, match="network drive"):
         store_place(tmp_path)
 
 

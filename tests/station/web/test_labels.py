@@ -323,7 +323,7 @@ def test_every_field_has_a_value(plain_source: Source) -> None:
         ("~JA^XA^CI28^FH^FD{serial}^FS^XZ", "~"),
         ("^XA^CI28^FH^FD{serial}^FS", "^XZ"),
         ("^XA^CI28^FH^FD{serial}^FS^XZ^XA^XZ", "once"),
-        ("^XA^CI28^FH^FD{serial}^FS^XZ rest", "behind"),
+        ("^XA^CI28^FH^FD{serial}^FS^XZ rest", "after ^XZ"),
         ("^XA^CI28^FH^fd{serial}^FS^XZ", "capitals"),
         ("", "^XA"),
     ],
@@ -593,9 +593,9 @@ def test_a_printer_whose_name_no_computer_can_have_is_told() -> None:
 def test_a_chain_that_is_no_chain_stops_the_line_and_not_the_thread(plant: Station, printer: ZplPrinter) -> None:
     with (plant.data / CHAIN).open("ab") as chain:
         chain.write(b"{half\n")
-    with plant.database.reading() as connection, pytest.raises(StationError, match="whole line"):
+    with plant.database.reading() as connection, pytest.raises(StationError, match="a line after byte"):
         outbox.why_not_next(connection, plant.data, plant.labels)
-    with pytest.raises(StationError, match="whole line"):
+    with pytest.raises(StationError, match="a line after byte"):
         thread_of(plant).look()
     assert printer.printed == []
 

@@ -24,7 +24,7 @@ from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
 from station.store.metric_rows import MetricRow, Place, metric_rows, runs_that_do_not_count, sides_of, values_beside
-from station.store.view import View, look_at, without_collector
+from station.store.view import View, look_at
 
 ATTEMPTS = ("first", "last", "all")
 """Which runs of a serial number count: a retest must not count twice where each unit counts once."""
@@ -107,7 +107,7 @@ def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> 
             recipes or with the output torque from different sensors.
 
     """
-    with _looked_at(data, ask) as view, without_collector():
+    with _looked_at(data, ask) as view:
         return _collected(view, ask, [ask.side], only)[0]
 
 
@@ -116,7 +116,7 @@ def values_of_sides(data: Path, ask: Ask, only: Collection[str] | None = None) -
 
     One side where one is asked for, or where the metric has no sides.
     """
-    with _looked_at(data, ask) as view, without_collector():
+    with _looked_at(data, ask) as view:
         there = () if ask.side is not None else sides_of(view, _name(ask), ask.recipe, ask.serial)
         sides = [side for side in there if side != "both"]
         return _collected(view, ask, sides or [ask.side], only)
@@ -243,11 +243,13 @@ def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
 def _attempts(rows: list[StoredValue], which: str, left_out: Counter[str]) -> list[StoredValue]:
     if which == "all":
         return rows
-    in_turn = rows if which == "last" else reversed(rows)
-    kept = {row.metric.serial: row for row in in_turn}  # the later one stays
+    kept: dict[str, StoredValue] = {}
+    for row in rows if which == "first" else reversed(rows):
+        kept.setdefault(row.metric.serial, row)
     if len(rows) > len(kept):
         left_out[f"that are not the {which} of their unit"] += len(rows) - len(kept)
-    return sorted(kept.values(), key=lambda row: row.metric.run)
+    found = list(kept.values())
+    return found if which == "first" else found[::-1]
 
 
 def _same(rows: list[StoredValue], name: str) -> MetricRow:

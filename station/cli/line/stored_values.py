@@ -10,7 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from definitions.former_wordings import wording_of_today
+from analysis.metrics.former_wordings import wording_of_today
 from station.cli.line.stored_metric import (
     MISSING,
     Ask,

@@ -10,7 +10,7 @@ from typing import Any
 
 from sqlalchemy import Row, select
 
-from definitions.former_wordings import wording_of_today
+from analysis.metrics.former_wordings import wording_of_today
 from station.errors import StationError
 from station.quality.dfq.check import DfqError, checked_dfq
 from station.quality.dfq.fields import (

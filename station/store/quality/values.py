@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, Subquery, func, or_, select
 
 from analysis.line.groups import Sums
-from definitions.former_wordings import wording_of_today, wordings
+from analysis.metrics.former_wordings import wording_of_today, wordings
 from station.errors import StationError
 from station.store.plant.hours import whole_hours
 from station.store.quality.counts import Grouping, grouping
@@ -60,7 +60,7 @@ class Characteristic(NamedTuple):
 
 
 class ValueRow(NamedTuple):
-    """A value with the run it came from."""
+    """A value with the run it came from; coverage_factor: the k of its U = k·u, None where the result names none."""
 
     run: str
     serial: str
@@ -68,6 +68,7 @@ class ValueRow(NamedTuple):
     bench: str
     value: float
     uncertainty: float | None
+    coverage_factor: float | None = None
 
 
 def newest_run(production: Production, lot: Lot) -> str:
@@ -144,6 +145,7 @@ def values(production: Production, lot: Lot, what: Characteristic, side: str) ->
         *(runs.c[name] for name in ("run", "serial", "started", "bench")),
         METRICS.c.value,
         METRICS.c.uncertainty,
+        METRICS.c.coverage_factor,
     )
     asked = _of(select(*columns), runs, what, side).where(_in_reach(production, lot)).order_by(runs.c.run)
     return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
@@ -169,6 +171,7 @@ def values_of_part(production: Production, runs: Subquery, what: Characteristic,
         *(runs.c[name] for name in ("run", "serial", "started", "bench")),
         METRICS.c.value,
         METRICS.c.uncertainty,
+        METRICS.c.coverage_factor,
     )
     asked = _of(select(*columns), runs, what, side).order_by(runs.c.run)
     return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]

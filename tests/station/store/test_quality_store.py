@@ -10,7 +10,7 @@ from lostmotion_command import ROOT
 from stored_runs import metric, store_run
 
 from analysis.line.capability import capability
-from definitions.former_wordings import FORMER_DEFINITIONS
+from analysis.metrics.former_wordings import FORMER_DEFINITIONS
 from definitions.metrics import METRICS
 from recipes import RecipeError, load_recipe
 from station.errors import StationError

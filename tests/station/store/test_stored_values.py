@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from stored_runs import metric, store_lot, store_run
 
-from definitions.former_wordings import FORMER_DEFINITIONS
+from analysis.metrics.former_wordings import FORMER_DEFINITIONS
 from definitions.metrics import METRICS
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 
-from definitions.former_wordings import FORMER_DEFINITIONS, FORMER_ESTIMATORS, wording_of_today, wordings
+from analysis.metrics.former_wordings import FORMER_DEFINITIONS, FORMER_ESTIMATORS, wording_of_today, wordings
 from definitions.metrics import METRICS
 
 OF_TODAY = {

@@ -217,7 +217,7 @@ _ROWS = (
     Check(
         "interrupted", "Interrupted ramps", FRACTION, 3.0,
         "torque range of a branch that is left out because its ramp stopped or reversed, relative to the range between "
-        "the turning points",
+        "the turning points; of a run with any, U is stated with k = 3",
         "a ramp was interrupted",
         "find out what stopped the ramp (late samples, an overshoot, an alarm limit), and measure again",
         explained_by="angle_steps", settable=SHARES,

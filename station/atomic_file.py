@@ -20,9 +20,9 @@ CANNOT_LINK = (EPERM, EOPNOTSUPP, ENOSYS, EMLINK)
 """What a file system answers that has no hard links."""
 
 _LET_IN = "Give this user write permission"
-_PUT_BACK = "Restore the missing folder"
+_PUT_BACK = "Restore the missing folder of this path"
 NEXT_ACTIONS: dict[int, str] = {
-    ENOSPC: "Free the disk",
+    ENOSPC: "Free space on this disk",
     EDQUOT: "Free disk space of this user, or raise the disk quota",
     EROFS: "Mount the disk for writing. If it already is, the disk failed: see dmesg and check the disk",
     EIO: "The disk failed or is disconnected: see dmesg, check its cable, and replace it before the next run",
@@ -34,7 +34,7 @@ NEXT_ACTIONS: dict[int, str] = {
 """What a person does about a disk, by what it answered."""
 
 OTHERWISE = "Check the disk"
-VANISHED = "was deleted, moved or replaced while it was written. Put it back where it was"
+VANISHED = "this file was deleted, moved or replaced while the program was writing it. Put the file back in its place"
 """What is said of a file that its path does not lead to any more."""
 
 
@@ -54,7 +54,7 @@ def open_file(path: Path) -> BinaryIO:
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
-        raise OSError(EINVAL, "it is not a file", str(path))
+        raise OSError(EINVAL, "this is a folder, a pipe or a device, not a file", str(path))
     return os.fdopen(handle, "rb")
 
 

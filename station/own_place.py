@@ -35,7 +35,8 @@ def own_place() -> Path:
         return Path.home() / ".local" / "state" / "lostmotion"
     except RuntimeError as error:
         raise StationError(
-            f"user {os.geteuid()} has no home folder. Name a folder for this service with {PLACE}"
+            f"user {os.geteuid()} has no home folder. Name a folder for this service with the environment variable "
+            f"{PLACE}"
         ) from error
 
 
@@ -53,12 +54,16 @@ def own_folder(name: str) -> Path:
         found = folder.stat()
     except OSError as error:
         raise StationError(
-            f"{folder}: cannot be made: {error.strerror}. Give this user write permission, or name another with {PLACE}"
+            f"{folder}: this folder cannot be made: {error.strerror}. Give this user write permission, or name another "
+            f"folder with the environment variable {PLACE}"
         ) from error
     user, mode = os.geteuid(), stat.S_IMODE(found.st_mode)
     if found.st_uid != user:
-        what = f"belongs to user {found.st_uid}, this is user {user}"
-        raise StationError(f"{folder}: {what}. Run the command as the user to whom this folder belongs")
+        what = f"this folder belongs to user {found.st_uid}, and the program runs as user {user}"
+        raise StationError(f"{folder}: {what}. Run the program as the owner of the folder")
     if mode & OF_OTHERS:
-        raise StationError(f"{folder}: found mode {mode:04o}; allowed is {OWN_FOLDER:04o}. Run: chmod 700 {folder}")
+        raise StationError(
+            f"{folder}: other users can enter this folder (mode {mode:04o}; allowed is {OWN_FOLDER:04o}). "
+            f"Run: chmod 700 {folder}"
+        )
     return folder

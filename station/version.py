@@ -53,7 +53,7 @@ def version() -> str:
         return commit.version
     with suppress(importlib.metadata.PackageNotFoundError):
         return importlib.metadata.version("lostmotion")
-    return "from its source folder"
+    return "unknown (run from its source folder)"
 
 
 @cache

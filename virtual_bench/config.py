@@ -146,7 +146,8 @@ class Shown:
 class ModbusPort:
     """One Modbus device of the virtual bench: on TCP (port 0 takes a free one), or with `rtu` on a serial port.
 
-    Devices whose serial ports have the same name share a line; without a name each has its own.
+    Devices whose serial ports have the same name share a line; without a name each has its own. Those whose
+    `connection` has the same name share a port of TCP.
     """
 
     registers: ModbusProfile
@@ -155,6 +156,7 @@ class ModbusPort:
     port: int = 0
     rtu: bool = False
     serial_port: str = ""
+    connection: str = ""
     shows: tuple[Shown, ...] = ()
     """Of a device that measures: its fields. It counts its samples in fields called as an amplifier's."""
 

@@ -95,10 +95,11 @@ async def _start(bench: VirtualBench, config: ServerConfig) -> dict[str, Any]:
     devices = config.devices
     try:
         ready["can"] = await _start_can(bench, config)
-        for name, where in devices.items():
-            if not where.rtu:
-                port = await bench.servers[name].start(where.host, where.port)
-                ready[name] = {"host": where.host, "port": port, "unit_id": where.unit_id}
+        for names in _connections(devices):
+            first, *others = (bench.servers[name] for name in names)
+            where = devices[names[0]]
+            port = await first.start(where.host, where.port, others)
+            ready |= {name: {"host": where.host, "port": port, "unit_id": devices[name].unit_id} for name in names}
         for link, names in _serial_lines(devices).items():
             line = RtuLine(
                 [bench.servers[name] for name in names], devices[names[0]].serial_port, bench.log, bench.time
@@ -126,6 +127,15 @@ async def _start_can(bench: VirtualBench, config: ServerConfig) -> dict[str, Any
         await bench.can.start()
         where = {"interface": config.can.interface}
     return where | {"channel": config.can.channel}
+
+
+def _connections(devices: Mapping[str, ModbusPort]) -> list[list[str]]:
+    """Return the devices of each port of TCP; without a name of its connection a device has a port of its own."""
+    found: dict[str, list[str]] = {}
+    for name, where in devices.items():
+        if not where.rtu:
+            found.setdefault(where.connection or f"device {name}", []).append(name)
+    return list(found.values())
 
 
 def _serial_lines(devices: Mapping[str, ModbusPort]) -> dict[str, list[str]]:

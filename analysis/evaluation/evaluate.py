@@ -286,6 +286,8 @@ def _because(  # noqa: PLR0917 - what was found, and what it was held against
 
 def _what_helps(budget: Budget) -> str:
     """Say what makes an uncertainty smaller: more cycles, unless most of it is in all cycles alike."""
+    if budget.coverage.why:
+        return f"U is stated with k = {budget.coverage.factor:g} because a ramp was interrupted; {_INTERRUPTED.remedy}"
     largest = budget.rows[0] if budget.rows else None
     if largest is None or largest.quantity in OF_CYCLES:
         return "measure more cycles"

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from analysis.evaluation.verdict import Verdict, worst
 from analysis.loop.method import MetricWanted
-from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget
+from analysis.uncertainty.budget import Budget
+from analysis.uncertainty.scatter import USUAL
 from definitions.metrics import Metric
 from definitions.units import RAD_PER_ARCMIN
 
@@ -18,7 +19,7 @@ class SideValue:
     side: str
     value: float | None
     uncertainty: float | None
-    """Expanded, U = 2·u of the budget; None where nothing is known: no figures of the sensors, and one cycle."""
+    """Expanded, U = k·u of the budget; None where nothing is known: no figures of the sensors, and one cycle."""
     standard_deviation: float | None
     per_cycle: tuple[float, ...]
     """Of a magnitude below zero where a cycle fell on the other side than their mean."""
@@ -37,6 +38,11 @@ class SideValue:
         """Monte Carlo beside the budget as plain data; None without. Of a grade: of its backlash [arcmin]."""
         found = None if self.budget is None else self.budget.monte_carlo
         return None if found is None else found._asdict()
+
+    @property
+    def coverage_factor(self) -> float:
+        """The k of its uncertainty."""
+        return (USUAL if self.budget is None else self.budget.coverage).factor
 
     @property
     def uncertainty_kind(self) -> str | None:
@@ -93,7 +99,7 @@ class MetricResult:
             "value": shown.value,
             "unit": self.definition.unit,
             "uncertainty": shown.uncertainty,
-            "coverage_factor": None if shown.uncertainty is None else COVERAGE_FACTOR,
+            "coverage_factor": None if shown.uncertainty is None else shown.coverage_factor,
             "uncertainty_kind": shown.uncertainty_kind,
             "budget": shown.budget_rows,
             "branch": self.branch,

@@ -1,4 +1,4 @@
-"""The budget of a metric: every source's standard uncertainty, sensitivity, contribution and share; U with k = 2.
+"""The budget of a metric: every source's standard uncertainty, sensitivity, contribution and share; U = k·u.
 
 GUM 5.1.3: contributions that do not know of each other add as squares.
 """
@@ -14,10 +14,7 @@ import numpy as np
 
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.monte_carlo import MonteCarlo
-from analysis.uncertainty.scatter import deviation, enlarged
-
-COVERAGE_FACTOR = 2.0
-"""k of the expanded uncertainty U = k·u."""
+from analysis.uncertainty.scatter import USUAL, Coverage, deviation, enlarged
 
 STUDENT = "Student's t"
 NOISE = ("noise", "noise of the sensors, mean of the cycles", "normal")
@@ -44,7 +41,7 @@ class BudgetRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Budget:
-    """Rows, largest first; combined standard uncertainty u; kind.
+    """Rows, largest first; combined standard uncertainty u; kind; coverage, with the k of U.
 
     kind: "budget" with every source, "untimed" with all but delay and drift, "repeatability" without figures.
     """
@@ -53,11 +50,12 @@ class Budget:
     u: float
     kind: str
     monte_carlo: MonteCarlo | None = None
+    coverage: Coverage = USUAL
 
     @property
     def expanded(self) -> float:
-        """U = k·u, k = 2."""
-        return COVERAGE_FACTOR * self.u
+        """U = k·u."""
+        return self.coverage.factor * self.u
 
 
 class Entry(NamedTuple):
@@ -71,16 +69,18 @@ class Entry(NamedTuple):
     contribution: float
 
 
-def combined(entries: Sequence[Entry], noise: float, values: Sequence[float], unit: str) -> Budget:
+def combined(
+    entries: Sequence[Entry], noise: float, values: Sequence[float], unit: str, coverage: Coverage = USUAL
+) -> Budget:
     """Combine systematic entries with the noise and scatter of the cycles."""
     cycles = max(len(values), 1)
     u_noise = noise / math.sqrt(cycles)
     known = math.hypot(u_noise, *(entry.contribution for entry in entries))
     rows = [*entries, Entry(*NOISE, u_noise, unit, u_noise)] if noise else [*entries]
     if cycles > 1:
-        scatter = enlarged(known, beyond(values, noise), cycles - 1)
+        scatter = enlarged(known, beyond(values, noise), cycles - 1, coverage)
         rows.append(Entry(*SCATTER, scatter, unit, scatter))
-    return _budget(rows, "budget")
+    return _budget(rows, "budget", coverage)
 
 
 def beyond(values: Sequence[float], noise: float) -> float:
@@ -88,20 +88,20 @@ def beyond(values: Sequence[float], noise: float) -> float:
     return math.sqrt(max(deviation(values) ** 2 - noise**2, 0.0) / max(len(values), 1))
 
 
-def of_scatter(values: Sequence[float], unit: str) -> Budget | None:
+def of_scatter(values: Sequence[float], unit: str, coverage: Coverage = USUAL) -> Budget | None:
     """Return what can be said without any figures: the scatter of the cycles. None for fewer than two cycles."""
     if len(values) < 2:
         return None
-    u = enlarged(0.0, deviation(values) / math.sqrt(len(values)), len(values) - 1)
-    return only(Entry(*ONLY_SCATTER, u, unit, u))
+    u = enlarged(0.0, deviation(values) / math.sqrt(len(values)), len(values) - 1, coverage)
+    return only(Entry(*ONLY_SCATTER, u, unit, u), coverage)
 
 
-def only(entry: Entry) -> Budget:
+def only(entry: Entry, coverage: Coverage = USUAL) -> Budget:
     """Return the budget of a measurement of which nothing is declared: the one thing that its scatter shows."""
-    return _budget([entry], "repeatability")
+    return _budget([entry], "repeatability", coverage)
 
 
-def _budget(entries: Sequence[Entry], kind: str) -> Budget:
+def _budget(entries: Sequence[Entry], kind: str, coverage: Coverage) -> Budget:
     contributions = np.array([entry.contribution for entry in entries])
     if not np.isfinite(contributions).all():
         raise AnalysisError(
@@ -115,4 +115,4 @@ def _budget(entries: Sequence[Entry], kind: str) -> Budget:
         )
         for name, text, drawn, u, row_unit, part in entries
     ]
-    return Budget(tuple(sorted(rows, key=lambda row: -row.contribution)), math.sqrt(variance), kind)
+    return Budget(tuple(sorted(rows, key=lambda row: -row.contribution)), math.sqrt(variance), kind, coverage=coverage)

@@ -21,6 +21,7 @@ from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import TorqueChannel
+from analysis.uncertainty.scatter import USUAL, Coverage, coverage_of
 from analysis.uncertainty.seen_in_run import DelayTried, delay_tried, locked_width_arcmin, noise_seen_arcmin
 
 AngleName = Literal["angle_in", "angle_out"]
@@ -75,9 +76,10 @@ class MeasurementConditions:
     was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
-    the run, of the channels where they were. noise_seen_arcmin, locked_width_arcmin: what the angles show of their own
-    errors (`seen_in_run`). way_arcmin: that the loaded shaft turns in a cycle, at the output. left_open: sizes of the
-    errors that the validity checks leave open and the budget shall have, by check, in the unit of its error.
+    the run, of the channels where they were. coverage: with which k an uncertainty is stated. noise_seen_arcmin,
+    locked_width_arcmin: what the angles show of their own errors (`seen_in_run`). way_arcmin: that the loaded shaft
+    turns in a cycle, at the output. left_open: sizes of the errors that the validity checks leave open and the budget
+    shall have, by check, in the unit of its error.
     """
 
     method: Method
@@ -94,6 +96,7 @@ class MeasurementConditions:
     u_skew_s: float = 0.0
     late_s: float = 0.0
     interruptions: tuple[Interruption, ...] = ()
+    coverage: Coverage = USUAL
     cycles: int = 1
     zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     noise_seen_arcmin: float = 0.0
@@ -166,7 +169,7 @@ def line_name(sign: int, direction: int) -> str:
 
 def conditions_of(
     found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
-    left_open: Mapping[str, float] | None = None,
+    left_open: Mapping[str, float] | None = None, holds: int = 0,
 ) -> MeasurementConditions:  # fmt: skip
     """Return how the first cycle of a measurement was made; what is named here is as in `MeasurementConditions`."""
     method, trace, loop = found.method, found.trace, found.loops[0]
@@ -195,6 +198,7 @@ def conditions_of(
         u_skew_s=found.skew.u_s or 0.0,
         late_s=late_s,
         interruptions=tuple(found.interruptions),
+        coverage=coverage_of(found.interruptions, holds),
         cycles=len(found.loops),
         zero_shifts_nm=zero_shifts_nm or {},
         noise_seen_arcmin=noise_seen_arcmin(found),

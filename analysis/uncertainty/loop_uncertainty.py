@@ -213,7 +213,7 @@ class LoopUncertainty:
         ]
         of_conversion = self._of_masked(estimate, base, unit)
         of_conversion += self._beyond_conversion(estimate, values, [*of_sources, *of_conversion], noise, unit)
-        found = combined([*of_sources, *of_conversion], noise, values, unit)
+        found = combined([*of_sources, *of_conversion], noise, values, unit, self._conditions.coverage)
         if not self._drawn:
             return found
         cycles = max(len(values), 1)

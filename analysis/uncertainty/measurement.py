@@ -31,7 +31,7 @@ from analysis.uncertainty.monte_carlo import SEED, interval
 from analysis.uncertainty.sources import SOURCES
 from definitions.checks import CHECKS
 
-WITH_FIGURES = "uncertainty: from the sensor specifications in the bench file, U = k·u with k = 2"
+WITH_FIGURES = "uncertainty: from the sensor specifications in the bench file, U = k·u with {k}"
 WITHOUT_FIGURES = (
     "uncertainty: repeatability only, because no sensor specification was given; systematic errors are not included"
 )
@@ -39,7 +39,7 @@ WITHOUT_FIGURES = (
 
 WITHOUT_TIME = (
     "uncertainty: from the sensor specifications in the bench file, without delay and drift (the trace has no time), "
-    "U = k·u with k = 2"
+    "U = k·u with {k}"
 )
 TOO_LARGE = (
     "The uncertainty could not be computed: the sensor errors in the bench file are too large for this metric; "
@@ -78,7 +78,7 @@ class Measurement:
     def of_loops(self, estimate: Callable[[Loop], float], values: Sequence[float], unit: str) -> Budget | None:
         """Return the budget of the mean of a metric's values per cycle; None where nothing can be said."""
         if self._loops is None:
-            return of_scatter(values, unit)
+            return of_scatter(values, unit, self._circumstances.coverage)
         try:
             found = self._loops.budget(estimate, values, unit)
             return found if self.timed else replace(found, kind="untimed")
@@ -137,6 +137,7 @@ def measurement_of(
     found: Measured, figures: SensorFigures | None, *,
     by_output: Sequence[Loop] = (), draws: int = 0, late_s: float = 0.0,
     zero_shifts_nm: Mapping[TorqueChannel, float] | None = None, left_open: Mapping[str, float | None] | None = None,
+    holds: int = 0,
 ) -> tuple[Measurement, StageRecord]:  # fmt: skip
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
@@ -144,14 +145,16 @@ def measurement_of(
     Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
     zero_shifts_nm: moves of the torque zeroes that were read again after the run. left_open: sizes of the errors that
     the checks leave open and the budget shall have, by check, None where nothing limits one; None for no such rows.
+    holds: how often a ramp of the run was held.
     """
     sizes = {check: size for check, size in (left_open or {}).items() if size is not None}
     unlimited = None if left_open is None else [check for check, size in left_open.items() if size is None]
-    conditions = conditions_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm, left_open=sizes)
+    conditions = conditions_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm, left_open=sizes, holds=holds)
     measurement = Measurement(
         found.loops[0], conditions, figures, by_output=by_output, draws=draws, unlimited=unlimited
     )
     text = WITHOUT_FIGURES if figures is None else WITH_FIGURES if measurement.timed else WITHOUT_TIME
+    text = text.format(k=conditions.coverage.text)
     text += WITH_LEFT_OPEN if figures is not None and left_open is not None else ""
     return measurement, StageRecord("uncertainty", text)
 
@@ -174,7 +177,7 @@ def ratio_budget(
     u_fit = covariance.u_slope if of_slope else covariance.u_offset_nm
     fitted = Entry(*FIT, u_fit, unit, u_fit)
     if figures is None or not conditions.lines_of_this_run:
-        return _with_draws(only(fitted), [fit], value, draws)
+        return _with_draws(only(fitted, conditions.coverage), [fit], value, draws)
     entries, drawn = [fitted], [fit]
     for source in (*SOURCES, *chain.from_iterable(OPEN_SOURCES.values())):
         declared = source.declared(figures, conditions)
@@ -186,7 +189,7 @@ def ratio_budget(
             part = declared.u * (parts[0] if len(parts) == 1 else math.hypot(*parts))
             entries.append(Entry(source.id, source.text, declared.distribution, declared.u, source.unit, part))
             drawn.append(_Drawn(declared.distribution, declared.figure, tuple(parts)))
-    return _with_draws(combined(entries, 0.0, (), unit), drawn, value, draws)
+    return _with_draws(combined(entries, 0.0, (), unit, conditions.coverage), drawn, value, draws)
 
 
 class _Drawn(NamedTuple):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.evaluation.pipeline import analyse
-from analysis.uncertainty.budget import COVERAGE_FACTOR, Budget
+from analysis.uncertainty.budget import Budget
 from analysis.uncertainty.left_open import OPEN_SOURCES
 from benchmarks.simulated.kinds import KINDS, Kind
 from benchmarks.simulated.loop_generator import Bench, Defect, course_of, figures_of, measured, method_of
@@ -48,7 +48,9 @@ class Share(NamedTuple):
 
 def expanded_of(budget: Budget, counts: Callable[[str], bool]) -> float:
     """Return U of some of the rows of a budget."""
-    return COVERAGE_FACTOR * float(np.sqrt(sum(row.contribution**2 for row in budget.rows if counts(row.quantity))))
+    return budget.coverage.factor * float(
+        np.sqrt(sum(row.contribution**2 for row in budget.rows if counts(row.quantity)))
+    )
 
 
 def sizes_of(unit: Kind, bench: Bench) -> dict[str, float]:

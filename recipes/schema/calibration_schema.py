@@ -116,7 +116,7 @@ class Fixture(Section):
     @model_validator(mode="after")
     def _stated_once(self) -> Fixture:
         """How far a fixture gives way is said in one way; two would be two fixtures."""
-        allowed = "stiffness, with or without a curve; or parts with output and input instead of both"
+        allowed = "stiffness, with or without a curve; or parts with output and input, then without those two"
         beside = "stiffness" if self.stiffness_nm_per_arcmin is not None else "curve" if self.curve else ""
         if self.parts is not None and beside:
             hint = f"Delete the parts or {beside}: a blank test and a stiffness include all parts."

@@ -67,7 +67,9 @@ def ask(place: Place, sql: str, most: int) -> Answer:
         columns = tuple(str(one[0]) for one in asked.description)
         return Answer(columns, tuple(tuple(row) for row in rows[:most]), len(rows) > most)
     except duckdb.Error as error:
-        raise ArchiveError(f"{_first_line(error)}. Use the views {', '.join(VIEWS)}") from error
+        raise ArchiveError(
+            f"the SQL statement failed: {_first_line(error)}. Correct it; it can read {', '.join(VIEWS)}"
+        ) from error
     finally:
         connection.close()
 
@@ -82,7 +84,7 @@ def _open(connection: duckdb.DuckDBPyConnection, place: Place) -> None:
         paths = [place.path(one) for one in place.names(folder) if one.endswith(".parquet")]
         if not paths:
             if folder == FULL:
-                raise ArchiveError(f"{place.settings.url}: has no runs yet. Run 'lostmotion archive push'")
+                raise ArchiveError(f"the archive {place.settings.url} has no runs yet. Run 'lostmotion archive push'")
             continue
         listed = ", ".join(_quoted(f"{begins}{path}") for path in paths)
         objects = f"read_parquet([{listed}], hive_partitioning = false)"

@@ -21,13 +21,15 @@ from station.records.run_record import RunRecord
 from station.records.seal import fingerprint
 
 KINDS = {
-    "missing": "Restore the object from a copy of the archive. Without one, delete its line in archive.jsonl and "
-    "run 'lostmotion archive push'",
-    "changed": "Restore the object from a copy of the archive. Without one, delete it and its line in archive.jsonl, "
-    "then run 'lostmotion archive push'",
-    "run": "Check the run here with 'lostmotion verify'. Then replace the wrong copy from a backup",
-    "elsewhere": "Write the URL of that archive into archive.yaml, or copy its objects to this one",
-    "strange": "No run here belongs to this object. Move it to another place",
+    "missing": "Restore the missing archive object from a copy of the archive. Without a copy, delete its line in "
+    "archive.jsonl and run 'lostmotion archive push'",
+    "changed": "Restore the changed archive object from a copy of the archive. Without a copy, delete the object and "
+    "its line in archive.jsonl, then run 'lostmotion archive push'",
+    "run": "Run 'lostmotion verify' to see whether the run on this computer is unchanged. Then replace the wrong copy, "
+    "here or in the archive, from a backup",
+    "elsewhere": "Write the URL of the other archive into archive.yaml, or copy its objects to the archive that "
+    "archive.yaml names",
+    "strange": "No run in the data folder belongs to this archive object. Move the object out of the archive",
 }
 """What can be wrong with an archive, and what a person does about each."""
 
@@ -92,7 +94,7 @@ def _superseded(note: Note, line: ArchiveLine) -> bool:
 
 def _check_line(data: Path, place: Place, line: ArchiveLine, there: set[str], done: Checked) -> None:
     if line.url != place.settings.url:
-        text = f"{line.full.name}: was written to {line.url}; the settings name {place.settings.url}"
+        text = f"{line.full.name}: was written to the archive {line.url}; archive.yaml names {place.settings.url}"
         done.problems.append(ArchiveProblem("elsewhere", line.full.name, text))
         return
     for one in (line.full, line.trace):
@@ -108,7 +110,7 @@ def _check_line(data: Path, place: Place, line: ArchiveLine, there: set[str], do
     for run in line.runs:
         path = data / run.run / MANIFEST
         if path.is_file() and fingerprint(path).sha256 != run.sha256:
-            text = f"{RunRecord(path.parent).id}: its run.json is not the one in {line.full.name}"
+            text = f"run {RunRecord(path.parent).id}: its run.json differs from the copy in {line.full.name}"
             done.problems.append(ArchiveProblem("run", line.full.name, text))
 
 
@@ -128,5 +130,5 @@ def _which(place: Place, line: ArchiveLine, name: str) -> str:
             sound = False
         bad += [] if sound else [run.run]
     if not bad:
-        return f"{name}: its content has changed; every run in it can still be read unchanged"
-    return f"{name}: its content has changed; changed runs: {', '.join(bad)}"
+        return f"archive object {name}: its content has changed; every run in it can still be read unchanged"
+    return f"archive object {name}: its content has changed; changed runs: {', '.join(bad)}"

@@ -36,7 +36,7 @@ def fetch(data: Path, place: Place, name: str) -> RunRecord:
     address = address_of(data, name)
     run, target = address.run.run, data / address.run.run
     if target.exists():
-        raise ArchiveError(f"{run}: is in {data} already. Nothing was fetched")
+        raise ArchiveError(f"run {run} is already in the data folder {data}. Nothing was fetched")
     part = data / FETCHING / run
     try:
         shutil.rmtree(part, ignore_errors=True)
@@ -45,7 +45,7 @@ def fetch(data: Path, place: Place, name: str) -> RunRecord:
         altered = alterations(RunRecord(part), chain=Chain(data))
         if altered:
             raise ArchiveError(
-                f"{run}: its copy in the archive was changed: {altered[0]}. Nothing was fetched. "
+                f"run {run}: its copy in the archive was changed: {altered[0]}. Nothing was fetched. "
                 "Restore the archive from a copy"
             )
         part.replace(target)
@@ -65,9 +65,10 @@ def address_of(data: Path, name: str) -> Address:
     if len(fitting) == 1:
         return runs[fitting[0]]
     if not fitting:
-        raise ArchiveError(f"{name}: no such run in the archive of {data}. See 'lostmotion archive status'")
+        raise ArchiveError(f"{name}: the archive of {data} has no such run. See 'lostmotion archive status'")
     raise ArchiveError(
-        f"{name}: fits {len(fitting)} archived runs: {', '.join(fitting[:8])}. Give more characters of the id"
+        f"{name}: the ids of {len(fitting)} archived runs contain this: {', '.join(fitting[:8])}. "
+        "Give more characters of the run id"
     )
 
 
@@ -82,7 +83,9 @@ def archived_files(place: Place, address: Address) -> list[ArchivedFile]:
     with place.opened(name) as stream:
         files = files_in(opened(stream, name), address.run.group, name)
     if next((one.sha256 for one in files if one.name == MANIFEST), "") != address.run.sha256:
-        raise ArchiveError(f"{name}: row group {address.run.group} does not contain run {address.run.run}. {REPLACE}")
+        raise ArchiveError(
+            f"archive object {name}: row group {address.run.group} does not contain run {address.run.run}. {REPLACE}"
+        )
     return files
 
 
@@ -93,16 +96,16 @@ def why_not_archived(data: Path, place: Place, run: RunRecord) -> str:
     """
     address = read_note(data).runs.get(run.id)
     if address is None:
-        return "is not in the archive. Run 'lostmotion archive push'"
+        return "the run is not in the archive. Run 'lostmotion archive push'"
     if address.line.url != place.settings.url:
-        return f"is in another archive: {address.line.url}"
+        return f"the run is in another archive: {address.line.url}"
     try:
         copied = {one.name: one.sha256 for one in archived_files(place, address)}
     except ArchiveError as error:
         return str(error)
     for name in (MANIFEST, *sealed_names(run)):
         if copied.get(name) != fingerprint(run.folder / name).sha256:
-            return f"{name} differs from the archive copy"
+            return f"the file {name} of the run differs from its copy in the archive"
     return ""
 
 
@@ -115,7 +118,9 @@ def folder_of(place: Place, name: str, group: int, run: str) -> Iterator[Path]:
             file = opened(stream, name)
             files, there = files_in(file, group, name), run_in(file, group)
         if there != run:
-            raise ArchiveError(f"{name}: row group {group} contains run {there}, expected {run}. {REPLACE}")
+            raise ArchiveError(
+                f"archive object {name}: row group {group} contains run {there}, expected {run}. {REPLACE}"
+            )
         _write(folder, files, flush=False)
         yield folder
 

@@ -101,8 +101,8 @@ def _whole(place: Place, chain: Chain, name: str) -> ArchiveObject | None:
             sealed = [str(one.fields["sha256"]) for one in chain.entries_of(run) if one.kind == SEALED and one.signed]
             if sealed and sha256 not in sealed:  # a run from before the chain has no line in it
                 raise ArchiveError(
-                    f"{name}: {run}: its run.json differs from the entry in the chain. Move this object "
-                    "out of the archive"
+                    f"archive object {name}: the run.json of run {run} differs from its entry in chain.jsonl. "
+                    "Move this object out of the archive"
                 )
         size = stream.seek(0, os.SEEK_END)
     return ArchiveObject(name=name, sha256=place.sha256(name), bytes=size)

@@ -72,9 +72,11 @@ def chain_of(file: pq.ParquetFile, name: str) -> str:
         said = json.loads((file.schema_arrow.metadata or {})[METADATA])
         version, chain = int(said["format"]), str(said["chain"])
     except (KeyError, ValueError, TypeError) as error:
-        raise ArchiveError(f"{name}: is not an object of an archive. Move it to another place") from error
+        raise ArchiveError(f"{name}: is not an archive object of lostmotion. Move it out of the archive") from error
     if version > FORMAT:
-        raise ArchiveError(f"{name}: found format {version}; this program reads up to {FORMAT}. Use a newer lostmotion")
+        raise ArchiveError(
+            f"archive object {name}: found format {version}; this program reads up to {FORMAT}. Use a newer lostmotion"
+        )
     return chain
 
 
@@ -84,8 +86,8 @@ def opened(stream: BinaryIO, name: str) -> pq.ParquetFile:
         return pq.ParquetFile(stream)
     except (pa.ArrowInvalid, pa.ArrowException) as error:
         raise ArchiveError(
-            f"{name}: is incomplete: {error}. Delete it, and run 'lostmotion archive push' while its runs are on this "
-            "computer"
+            f"archive object {name}: is incomplete: {error}. Delete it, and run 'lostmotion archive push' while its "
+            "runs are on this computer"
         ) from error
 
 
@@ -185,23 +187,26 @@ def files_in(file: pq.ParquetFile, group: int, place: str) -> list[ArchivedFile]
     try:
         table = file.read_row_group(group, columns=[*(name for name, _ in OF_A_FILE), "run", "content"])
     except (pa.ArrowException, OSError, IndexError) as error:
-        raise ArchiveError(f"{place}: row group {group} cannot be read: {error}. {REPLACE}") from error
+        raise ArchiveError(f"archive object {place}: row group {group} cannot be read: {error}. {REPLACE}") from error
     found = []
     for row in table.to_pylist():
         name, content = str(row["name"]), row["content"]
         if PurePosixPath(name).is_absolute() or ".." in PurePosixPath(name).parts:
-            raise ArchiveError(f"{place}: {name!r} would be written outside the run's folder. {REPLACE}")
+            raise ArchiveError(
+                f"archive object {place}: its file {name!r} would be written outside the run's folder. {REPLACE}"
+            )
         if hashlib.sha256(content).hexdigest() != row["sha256"]:
             raise ArchiveError(
-                f"{place}: {row['run']}: {name}: its content has changed since it was archived. {REPLACE}"
+                f"archive object {place}: the file {name} of run {row['run']} has changed since it was archived. "
+                f"{REPLACE}"
             )
         found.append(ArchivedFile(name, row["sha256"], content))
     return found
 
 
 REPLACE = (
-    "This archive object was changed or damaged. Restore it from a copy of the archive. Without one, delete it and "
-    "its line in archive.jsonl, then run 'lostmotion archive push' while its runs are on this computer"
+    "This archive object was changed or damaged. Restore it from a copy of the archive. Without a copy, delete the "
+    "object and its line in archive.jsonl, then run 'lostmotion archive push' while its runs are on this computer"
 )
 """What a person does about an object that is not as it was written."""
 

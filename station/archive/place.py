@@ -104,8 +104,8 @@ class Place:
             self.put(local, name, f"{owner}/{own.sha256}")
             if self.sha256(name) != own.sha256:
                 raise ArchiveError(
-                    f"{self.settings.url}: {name}: reads back differently from what was written. Check the storage. "
-                    "The run does not count as archived"
+                    f"archive {self.settings.url}: {name}: reads back differently from what was written. The run does "
+                    "not count as archived. Check the storage, then run 'lostmotion archive push' again"
                 )
         return ArchiveObject(name=name, sha256=own.sha256, bytes=own.bytes)
 
@@ -125,13 +125,13 @@ class Place:
             raise
         except FileNotFoundError as error:
             raise ArchiveError(
-                f"{self.settings.url}: {name}: is missing. Check bucket and folder. 'lostmotion archive verify' lists "
-                "what is missing"
+                f"archive {self.settings.url}: {name}: is missing. Check the url in archive.yaml. 'lostmotion archive "
+                "verify' lists all that is missing"
             ) from error
         except OSError as error:
             cause = " ".join(str(error).split())[:300] or type(error).__name__
             raise ArchiveError(
-                f"{self.settings.url}: cannot be used: {cause}. Check network, address and credentials, "
+                f"archive {self.settings.url}: cannot be used: {cause}. Check network, address and credentials, "
                 "then run the command again. Nothing is lost"
             ) from error
 

@@ -113,7 +113,9 @@ def only_one(data: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise ArchiveError(f"{data}: another process is writing to its archive. Wait for its end") from None
+            raise ArchiveError(
+                f"{data}: another process is writing to the archive of this data folder. Wait for its end"
+            ) from None
         yield
     finally:
         os.close(handle)
@@ -183,13 +185,16 @@ def _compare(full_path: Path, trace_path: Path, runs: Sequence[ArchivedRun], fol
     with full_path.open("rb") as stream:
         file = opened(stream, str(full_path))
         for one, run in zip(runs, folders, strict=True):
-            for there in files_in(file, one.group, run.id):
+            for there in files_in(file, one.group, str(full_path)):
                 if there.sha256 != fingerprint(run.folder / there.name).sha256:
                     raise ArchiveError(
-                        f"{run.id}: {there.name}: was changed while it was archived. Run the command again"
+                        f"run {run.id}: its file {there.name} was changed while it was archived. Run the command again"
                     )
     with trace_path.open("rb") as stream:
         file = opened(stream, str(trace_path))
         for one in runs:
-            if one.trace is not None and digest_of(rows_in(file, one.trace, one.run)) != one.trace_sha256:
-                raise ArchiveError(f"{one.run}: its trace reads back differently from what was written. Check the disk")
+            if one.trace is not None and digest_of(rows_in(file, one.trace, str(trace_path))) != one.trace_sha256:
+                raise ArchiveError(
+                    f"run {one.run}: its trace (torque and angle) reads back differently from what was written. "
+                    "Check the disk"
+                )

@@ -26,7 +26,7 @@ VARIABLE = re.compile(r"[A-Z][A-Z0-9_]{0,99}")
 ACCESS_KEY = re.compile(r"(AKIA|ASIA)[A-Z0-9]{12,}")
 """How Amazon's access keys look, which would pass for the name of a variable."""
 
-EXAMPLE = "url: s3://BUCKET/FOLDER, or url: /FOLDER"
+EXAMPLE = "'url: s3://BUCKET/FOLDER' or 'url: /FOLDER'"
 
 
 class ArchiveError(StationError):
@@ -68,11 +68,13 @@ class ArchiveSettings(BaseModel):
         allowed = "s3://BUCKET/FOLDER, or the whole path of a folder, such as /mnt/archive"
         if "@" in parts.netloc:
             raise refusal(
-                "a URL with credentials", allowed, "Name the variables that hold them: key_from, secret_from."
+                "a URL with credentials",
+                allowed,
+                "Name the environment variables that hold them with key_from and secret_from.",
             )
         is_folder = text.startswith(("/", "file:///")) and len(text.rstrip("/")) > 1
         if not is_folder and not (parts.scheme == S3 and parts.netloc and not parts.query):
-            raise refusal(f"'{text}'", allowed)
+            raise refusal(f"the url '{text}'", allowed)
         return text
 
     @field_validator("endpoint")
@@ -109,7 +111,12 @@ class ArchiveSettings(BaseModel):
         of_s3 = ("endpoint", "region", "key_from", "secret_from", "token_from")
         there = [name for name in of_s3 if getattr(self, name) is not None]
         if self.scheme != S3 and there:
-            raise refusal(f"{there[0]} with a folder", "only with s3://", "Remove it.", at=there[0])
+            raise refusal(
+                f"{there[0]} with a url that is a folder",
+                "only with a url that begins with s3://",
+                "Remove the entry.",
+                at=there[0],
+            )
         if (self.key_from is None) != (self.secret_from is None):
             raise refusal("one of key_from and secret_from", "both or none", "Add the other one.", at="key_from")
         return self
@@ -136,8 +143,8 @@ def load_settings(data: Path) -> ArchiveSettings:
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     if not file.is_file():
-        raise ArchiveError(f"{file}: does not exist. Write into it where the archive is: {EXAMPLE}")
+        raise ArchiveError(f"{file}: does not exist. Make this file with one line, where the archive is: {EXAMPLE}")
     settings = load_document(file, ArchiveSettings)
     if settings.scheme != S3 and Path(settings.root).resolve().is_relative_to(data.resolve()):
-        raise ArchiveError(f"{file}: url: {settings.url} lies in the data folder. Choose a place on another disk")
+        raise ArchiveError(f"{file}: the url {settings.url} is inside the data folder. Choose a place on another disk")
     return settings

@@ -119,7 +119,7 @@ def rows_in(file: pq.ParquetFile, group: int, place: str) -> pa.Table:
     try:
         return file.read_row_group(group)
     except (pa.ArrowException, OSError, IndexError) as error:
-        raise ArchiveError(f"{place}: row group {group} cannot be read: {error}. {REPLACE}") from error
+        raise ArchiveError(f"archive object {place}: row group {group} cannot be read: {error}. {REPLACE}") from error
 
 
 def trace_in(table: pa.Table, sha256: str, place: str) -> ArchivedTrace:
@@ -130,7 +130,7 @@ def trace_in(table: pa.Table, sha256: str, place: str) -> ArchivedTrace:
 
     """
     if digest_of(table) != sha256:
-        raise ArchiveError(f"{place}: the trace has changed since it was archived. {REPLACE}")
+        raise ArchiveError(f"archive object {place}: its trace has changed since it was archived. {REPLACE}")
     try:
         facts = document_in(TraceFacts, str(table.column("facts")[0].as_py()).encode(), Path(place))
     except RecordError as error:

@@ -76,8 +76,8 @@ def _pace(bench: Bench, ports: Ports | None) -> PaceConfig | None:
     if ports is not None:
         if ports.pace is None:
             raise StationError(
-                "the virtual bench that was started cannot wait for the scan: its ready line has no pace. "
-                "Start the bench of this version of the program"
+                "the virtual bench cannot keep step with the scan process: its first line names no 'pace'. "
+                "Start the virtual bench of this version of lostmotion"
             )
         return PaceConfig(ports.pace.host, ports.pace.port)
     return None if bench.pace is None else PaceConfig(bench.pace.host, bench.pace.port)

@@ -197,10 +197,11 @@ def server_config(
         registers = modbus_profile(FileAt(profiles[device.profile]))
         shows = shown_by(bench, name)
         if embedded:
-            return ModbusPort(registers, device.unit_id, shows=shows)
+            connection = device.line if device.transport == "tcp" else ""
+            return ModbusPort(registers, device.unit_id, connection=connection, shows=shows)
         if device.transport == "rtu":
             return ModbusPort(registers, device.unit_id, rtu=True, serial_port=device.serial_port, shows=shows)
-        return ModbusPort(registers, device.unit_id, device.host, device.port, shows=shows)
+        return ModbusPort(registers, device.unit_id, device.host, device.port, connection=device.line, shows=shows)
 
     files = {name: FileAt(path) for name, path in profiles.items()}
     bus: Socketcand | CanBus | SlcanPort = CanBus(can.interface, can.channel, can.bitrate)

@@ -47,12 +47,12 @@ def alone_on(bench: str, can: CanConfig) -> Iterator[None]:
     try:
         path = lock_path(can)
     except StationError as error:
-        raise BenchBusyError(f"the lock file of the bench cannot be made: {error}") from error
+        raise BenchBusyError(f"the bench cannot be reserved for this program: {error}") from error
     try:
         handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
     except OSError as error:
         raise BenchBusyError(
-            f"{path}: cannot be opened to reserve the bench: {error.strerror}. Give this user write permission"
+            f"{path}: the lock file of the bench cannot be opened: {error.strerror}. Give this user write permission"
         ) from error
     try:
         try:

@@ -52,7 +52,7 @@ class Ports:
             return cls(parts.pop("can"), parts, parts.pop("pace", None))
         except (AttributeError, KeyError, TypeError) as error:
             raise ValueError(
-                f"the virtual bench did not start: expected its ready line, found {line[:100]!r}. See its log"
+                f"the virtual bench did not start: expected its addresses, found {line[:100]!r}. See its log"
             ) from error
 
 

@@ -23,6 +23,8 @@ if TYPE_CHECKING:
 DBC = ".dbc"
 """Ending of a profile that is a DBC file."""
 
+WITH_NODE_ID = "only if the bench file gives this sensor a 'node_id'"
+
 
 def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSensorConfig:
     """Return a sensor of a bench file by its profile; `named`: fields that channels name.
@@ -37,10 +39,8 @@ def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSens
         return CanSensorConfig(sensor.name, sensor.node_id, frames, heartbeat_s=heartbeat_s, synchronous=synchronous)
     profile = parse_document(file.content, str(file.path), CanProfile)
     if sensor.node_id is None and (profile.identity or profile.startup):
-        found = "identity" if profile.identity else "startup"
-        raise _refused(
-            file.path, found, "with 'node_id' in the bench file only", "Add 'node_id', or delete the section."
-        )
+        found = f"the section '{'identity' if profile.identity else 'startup'}'"
+        raise _refused(file.path, found, WITH_NODE_ID, "Add 'node_id' to the bench file, or delete the section.")
     frames = tuple(_of_file(file.path, frame, sensor.node_id) for frame in profile.frames)
     return CanSensorConfig(
         sensor.name, sensor.node_id, frames, profile.identity, profile.startup, heartbeat_s, synchronous
@@ -50,11 +50,19 @@ def can_sensor(file: File, sensor: CanSensor, named: Collection[str]) -> CanSens
 def _of_file(path: Path, frame: CanFrameFile, node_id: int | None) -> CanFrame:
     if frame.add_node_id and node_id is None:
         raise _refused(
-            path, "add_node_id", "with 'node_id' in the bench file only", "Add 'node_id', or delete 'add_node_id'."
+            path,
+            "the entry 'add_node_id'",
+            WITH_NODE_ID,
+            "Add 'node_id' to the bench file, or delete 'add_node_id'.",
         )
     identifier = frame.identifier + (node_id or 0) * frame.add_node_id
     if identifier > LAST_IDENTIFIER:
-        raise _refused(path, f"identifier 0x{identifier:X}", "up to 0x7FF", "Correct identifier or node_id.")
+        raise _refused(
+            path,
+            f"CAN identifier 0x{identifier:X}",
+            "up to 0x7FF",
+            "Correct 'identifier' in this file, or 'node_id' in the bench file.",
+        )
     fields = []
     for field in frame.fields:
         size = SIZES[field.type]
@@ -76,7 +84,7 @@ def _messages(file: File, named: Collection[str]) -> list[Message]:
     except Exception as error:  # a bent file ends in whatever the parser stumbles over: KeyError, ValueError, its own
         text = " ".join(str(error).split())[:200]
         raise _refused(
-            file.path, f"no DBC file that cantools reads: {text}", "a DBC file", "Export the file again."
+            file.path, f"a file that is not a readable DBC file: {text}", "a DBC file", "Export the file again."
         ) from error
     assert isinstance(found, Database)  # noqa: S101 - of "dbc" it makes no other
     return [one for one in found.messages if any(_name(one, signal) in named for signal in one.signals)]
@@ -89,16 +97,25 @@ def _name(message: Message, signal: Signal) -> str:
 def _of_message(path: Path, message: Message, named: Collection[str]) -> CanFrame:
     if message.is_extended_frame or message.length > CAN_BYTES:
         found = (
-            f"{message.name} with {'29 bits of identifier' if message.is_extended_frame else f'{message.length} bytes'}"
+            f"message {message.name} with "
+            f"{'29 bits of identifier' if message.is_extended_frame else f'{message.length} bytes'}"
         )
-        raise _refused(path, found, "an 11-bit identifier and up to 8 bytes", "Set the device to send such frames.")
+        raise _refused(
+            path,
+            found,
+            "a CAN message with an 11-bit identifier and up to 8 bytes",
+            "Set the device to send such messages.",
+        )
     fields = []
     for signal in message.signals:
         name = _name(message, signal)
         multiplexed = signal.is_multiplexer or signal.multiplexer_ids
         if name in named and multiplexed:
             raise _refused(
-                path, f"{name}, a multiplexed signal", "a signal that is in every frame", "Name another signal."
+                path,
+                f"the multiplexed signal {name}",
+                "a signal that is in every CAN message of its identifier",
+                "Name another signal.",
             )
         if not multiplexed:
             fields.append(_of_signal(name, signal, message.length))

@@ -196,6 +196,6 @@ def refuse_before(step: Step, stands: tuple[Standing, ...], bench_file: Path) ->
         states = {one.step.id: one.state for one in stands}
         told = ", ".join(f"{name} ({states[name]})" for name in waits_for)
         raise StationError(
-            f"bench {step.id}: these steps come first and have not passed: {told}. "
+            f"bench {step.id}: other steps of commissioning have to pass first: {told}. "
             f"Next: lostmotion bench {waits_for[0]} --bench {bench_file}"
         )

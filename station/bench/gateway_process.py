@@ -36,7 +36,8 @@ def gateway_config(bench: Bench, profiles: Mapping[str, Path], *, end_with_paren
     def device(name: str, there: ModbusDevice) -> ModbusTarget:
         if there.transport != "tcp":
             raise StationError(
-                f"gateway: {name} is on Modbus {there.transport}; a gateway needs Modbus TCP. Use a bench file with TCP"
+                f"fault gateway: the device {name} is on Modbus {there.transport}; the gateway needs Modbus TCP. "
+                "Use a bench file in which all devices have Modbus TCP"
             )
         registers = modbus_profile(FileAt(profiles[there.profile]))
         return ModbusTarget(there.host, there.port, there.unit_id, registers)
@@ -62,7 +63,9 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
 
 def _scenario(spec: BenchSpec) -> Path:
     if spec.scenario is None:
-        raise StationError("gateway: its specification names no scenario. Start it with 'lostmotion faults gateway'")
+        raise StationError(
+            "the fault gateway was started without a fault scenario. Start it with 'lostmotion faults gateway'"
+        )
     return Path(spec.scenario)
 
 

@@ -168,8 +168,8 @@ class Job:
             return ""
         path = self.bench_source.path
         return (
-            f"{path}: watchdogs of drive '{self._drive_profile.profile.name}' not measured on this bench as it is now. "
-            f"Run: lostmotion bench status --bench {path}"
+            f"{path}: the watchdogs of drive '{self._drive_profile.profile.name}' were not measured on this bench as "
+            f"it is now. For the next step, run: lostmotion bench status --bench {path}"
         )
 
     @property

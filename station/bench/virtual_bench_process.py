@@ -44,7 +44,9 @@ def serve(spec: BenchSpec) -> None:
 
 def _config(spec: BenchSpec, bench: Bench) -> ServerConfig:
     if spec.unit is None:
-        raise VirtualBenchError("virtual bench: its specification names no unit")
+        raise VirtualBenchError(
+            "the virtual bench was started without a unit under test. Start it with 'lostmotion virtual-bench'"
+        )
     return server_config(
         bench,
         {name: Path(path) for name, path in spec.profiles.items()},

@@ -30,7 +30,9 @@ BenchOption = Annotated[
 ]
 UnitOption = Annotated[
     str | None,
-    typer.Option("--unit", metavar="NAME[:SEED]", help="Unit on the virtual bench: P1, worn, soft, tight, cracked ..."),
+    typer.Option(
+        "--unit", metavar="NAME[:SEED]", help="Simulated unit on the virtual bench: P1, worn, soft, tight, cracked ..."
+    ),
 ]
 SeedOption = Annotated[
     int | None,
@@ -40,12 +42,13 @@ SeedOption = Annotated[
 ]
 ScenarioOption = Annotated[
     Path | None,
-    typer.Option("--scenario", metavar="FILE", help="Faults to inject into the virtual bench."),
+    typer.Option("--scenario", metavar="FILE", help="Scenario file: faults to inject into the virtual bench."),
 ]
 WallClockOption = Annotated[
     bool,
     typer.Option(
-        "--wall-clock", help="Real time, as with real hardware: the virtual bench does not wait for the scan."
+        "--wall-clock",
+        help="Let the virtual bench run in real time, as real hardware does; it does not wait for the controller.",
     ),
 ]
 PresetOption = Annotated[
@@ -72,10 +75,20 @@ RecipeFilter = Annotated[
 ]
 SerialFilter = Annotated[str | None, typer.Option("--serial", metavar="SN", help="Only runs of this serial number.")]
 SideOption = Annotated[
-    str | None, typer.Option("--side", metavar="+|-", help="Side of the metric. Default: the worse one.")
+    str | None,
+    typer.Option(
+        "--side",
+        metavar="+|-",
+        help="Side of the metric, such as + or - (direction of torque). Default: the worse one.",
+    ),
 ]
 BranchOption = Annotated[
-    str | None, typer.Option("--branch", metavar="NAME", help="Branch, if a run has the metric on several branches.")
+    str | None,
+    typer.Option(
+        "--branch",
+        metavar="NAME",
+        help="Branch of the loop (such as load), if a run has the metric on several branches.",
+    ),
 ]
 ColumnOption = Annotated[str, typer.Option("--column", metavar="NAME", help="Column of FILE that holds the values.")]
 LevelOption = Annotated[

@@ -46,7 +46,9 @@ def refuse_early(path: Path | None, option: str) -> None:
         return
     refuse_records(path, option)
     if not path.parent.is_dir():
-        raise StationError(f"{option} {path}: there is no folder {path.parent}. Make it, or choose another")
+        raise StationError(
+            f"{option} {path}: there is no folder {path.parent}. Make this folder, or choose another one"
+        )
 
 
 @contextmanager
@@ -60,4 +62,6 @@ def writing(path: Path, option: str = "--out") -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        raise StationError(f"{path}: cannot be written: {error.strerror or error}. Choose another {option}") from error
+        raise StationError(
+            f"file {path} cannot be written: {error.strerror or error}. Choose another place with {option}"
+        ) from error

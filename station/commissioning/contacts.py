@@ -88,7 +88,7 @@ def guide(bench: OnWires, seconds: float, say: Callable[[str], None]) -> Guided:
         for task in TASKS:
             if task.if_there and task.field not in names:
                 continue
-            say(f"{task.ask}. At most {seconds:g} s.")
+            say(f"{task.ask}. You have {seconds:g} s.")
             begun = time.monotonic()
             changed = watch.change(seconds)
             one = Seen(task, changed, time.monotonic() - begun)
@@ -111,7 +111,7 @@ def _rests(by_hand: ByHand, profile: ModbusProfile, seconds: float, say: Callabl
     asked = False
     while not at_rest(profile, by_hand.block("remote_io")):
         if not asked:
-            say(f"{AT_REST}. At most {seconds:g} s.")
+            say(f"{AT_REST}. You have {seconds:g} s.")
             asked = True
         if time.monotonic() > until:
             return False
@@ -176,7 +176,7 @@ def judged(profile: ModbusProfile, seen: Seen) -> Iterator[Finding]:
     mine = [bit for bit in seen.changed if _is_of(field, bit)]
     if not seen.changed:
         cure = f"Check the wiring of this contact to the remote I/O, and table, address and count of profile {name}."
-        yield Finding(what=f"{task.ask}: no input changed.", cure=cure)
+        yield Finding(what=f"{task.ask}: no input of the remote I/O changed.", cure=cure)
     elif not mine:
         places = ", ".join(place_of(profile, bit) for bit in seen.changed)
         word, bit = next(iter(seen.changed))
@@ -191,7 +191,7 @@ def judged(profile: ModbusProfile, seen: Seen) -> Iterator[Finding]:
                 f"The two contacts look exchanged. Exchange their wires, or write '{there}' for {task.field} and"
                 f" '{_written(profile, field.offset, field.bit)}' for {other.name} into profile {name}."
             )
-        yield Finding(what=f"{task.ask}: {places} changed; {task.field} of the profile did not.", cure=cure)
+        yield Finding(what=f"{task.ask}: input {places} changed; expected was {task.field} of the profile.", cure=cure)
     elif seen.changed[mine[0]] != task.after:
         what = f"{task.ask}: {task.field} became {1 - task.after}, {task.after} expected."
         cure = "Use the other contact of the switch: a wire that breaks must read as pressed, or as open."

@@ -166,7 +166,7 @@ def _of_lags(seen: Sequence[Lag]) -> Iterator[Finding]:
         sensor = one.channel.rsplit("_", 1)[0]
         if one.measured_ms is None:
             what = f"{one.channel} does not follow {one.against}: no lag can be told."
-            yield Finding(what=what, cure="Check sensor and coupling.")
+            yield Finding(what=what, cure="Check this sensor and its coupling.")
         elif abs(one.measured_ms - one.declared_ms) > one.allowed_ms:
             what = (
                 f"{one.channel} lags {one.measured_ms:.1f} ms behind {one.against}; bench file says "

@@ -93,7 +93,8 @@ def probe(bench: OnWires, seconds: float) -> Probed:
         live += _can_values(frames, time.monotonic())
     findings = [
         Finding(
-            what=f"{one.place} {one.meaning}: found {one.found}, expected {one.wanted}", cure=_sentence(one.next_step)
+            what=f"Drive, object {one.place} {one.meaning}: found {one.found}, expected {one.wanted}",
+            cure=_sentence(one.next_step),
         )
         for one in objects
         if one.outcome in REFUSED

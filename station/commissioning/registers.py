@@ -345,7 +345,7 @@ def _byte_orders(part: str, frame: CanFrame, rows: Sequence[Row]) -> Iterator[Fi
     if against and not any(row.shows == orders[row.field] for row in rows):
         names, right = ", ".join(row.field for row in against), against[0].shows
         yield Finding(
-            what=f"Byte order: {names} of {part} change as in byte order {right}; the profile has the other.",
+            what=f"Byte order (CAN): values of {names} of {part} fit byte order {right}; the profile has the other.",
             cure=f"Write 'byte_order: {right}' into the profile of {part}.",
         )
 
@@ -359,6 +359,6 @@ def _word_orders(profile: ModbusProfile, rows: Sequence[Row]) -> Iterator[Findin
     names = ", ".join(row.field for row in against)
     right = "little" if profile.word_order == "big" else "big"
     yield Finding(
-        what=f"Word order: {names} change as in word order {right}; profile says {profile.word_order}.",
+        what=f"Word order (Modbus): values of {names} fit word order {right}; the profile says {profile.word_order}.",
         cure=f"Write 'word_order: {right}' into profile {profile.profile.name}.",
     )

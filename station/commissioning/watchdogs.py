@@ -314,7 +314,12 @@ def judged(reactions: Sequence[Reaction]) -> tuple[Finding, ...]:
             findings.append(Finding(what=what, cure=CURES[trial.id], refuses=declared))
         elif one.off_s is None:
             what = f"{_capital(trial.title)}: the drive reacted, and was not without torque {OFF_MOST_S:g} s later."
-            findings.append(Finding(what=what, cure="Check 0x6007, 0x605A and 0x605E in the bench file."))
+            findings.append(
+                Finding(
+                    what=what,
+                    cure="Check the drive settings 0x6007, 0x605A and 0x605E (reactions to a stop) in the bench file.",
+                )
+            )
         elif one.timeout_s is not None and one.seen_enabled_s > LATE * one.timeout_s + GRACE_S:
             seen_ms, set_ms = one.seen_enabled_s * 1e3, one.timeout_s * 1e3
             what = f"{_capital(trial.title)}: still enabled after {seen_ms:.0f} ms, time-out {set_ms:g} ms."

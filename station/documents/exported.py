@@ -24,6 +24,7 @@ class Counts:
     zeroes_again: int | None = None
     torque_in_zero_shift_nm: float | None = None
     torque_out_zero_shift_nm: float | None = None
+    holds: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

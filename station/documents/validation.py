@@ -12,14 +12,14 @@ MET, NOT_MET, OPEN, ATTACHED = "met", "not met", "open", "attached"
 STATES = {
     MET: "the evidence shows that the requirement is met",
     NOT_MET: "the evidence shows that the requirement is not met",
-    OPEN: "there is no evidence yet; the command beside it makes it",
+    OPEN: "there is no evidence yet; the command in the same row makes it",
     ATTACHED: "a file for a person to judge; this program does not judge it",
 }
 INSTALLATION, OPERATION, PERFORMANCE = "installation", "operation", "performance"
 PARTS = {
-    INSTALLATION: "Installation qualification: is it what it should be?",
-    OPERATION: "Operational qualification: does it do what it should?",
-    PERFORMANCE: "Performance qualification: does it measure well enough, here, with these units?",
+    INSTALLATION: "Installation qualification: is the bench installed as specified?",
+    OPERATION: "Operational qualification: does the bench work as specified?",
+    PERFORMANCE: "Performance qualification: does the bench measure these units accurately enough?",
 }
 
 

@@ -24,8 +24,8 @@ from cryptography import x509
 from sqlalchemy import select
 
 from station.errors import StationError
-from station.opcua.certificates import Trust, fingerprint, read_certificate
-from station.opcua.settings import OpcUaSettings
+from station.opcua.certificates import OUT_OF_DATE, Trust, fingerprint, read_certificate
+from station.opcua.settings import FILE, OpcUaSettings
 from station.web.people.accounts import EntryRefusedError, TooManyEntriesError, enter, leave
 from station.web.people.database import PEOPLE, StationDatabase
 
@@ -108,7 +108,7 @@ class Doorkeeper(UserManager):
         unknown = sorted(set(self._by_user) - known)
         if unknown:
             raise StationError(
-                f"clients: there is no account {unknown[0]!r}. Make it on the page of accounts, with the role mes"
+                f"{FILE}: clients: there is no account {unknown[0]!r}. Add it on the page People, with the role mes"
             )
 
     @property
@@ -164,8 +164,8 @@ def refuse_untrusted(trust: Trust, certificate: x509.Certificate) -> None:
     """Refuse the application of a client whose certificate is not trusted; ServiceError as OPC UA names it."""
     problem = trust.problem_of(certificate)
     if problem:
-        tell(f"application {certificate.subject.rfc4514_string()[:120]!r} refused: its certificate {problem}")
-        expired, codes = problem.startswith("expired"), ua.StatusCodes
+        tell(f"application {certificate.subject.rfc4514_string()[:120]!r} refused: {problem}")
+        expired, codes = problem.startswith(OUT_OF_DATE), ua.StatusCodes
         raise ServiceError(codes.BadCertificateTimeInvalid if expired else codes.BadCertificateUntrusted)
 
 

@@ -30,7 +30,10 @@ MOST_REJECTED = 32
 """Refused certificates that are kept: a client makes a new one as often as it likes."""
 
 LARGEST_BYTES = 64 * 1024
-NEXT = "Make another with: lostmotion opcua certificate --replace"
+OUT_OF_DATE = "the certificate is valid"
+"""How the problem of a certificate begins that is not valid today."""
+
+NEXT = "Make a new certificate with: lostmotion opcua certificate --replace"
 
 
 def make_certificate(data: Path, settings: OpcUaSettings, names: Sequence[str], *, replace: bool = False) -> Path:
@@ -45,7 +48,9 @@ def make_certificate(data: Path, settings: OpcUaSettings, names: Sequence[str], 
     file, key_file = data / settings.certificate, data / settings.key
     there = [one for one in (file, key_file) if one.exists()]
     if there and not replace:
-        raise StationError(f"{there[0]}: exists already, and clients trust it. To replace it, add --replace")
+        raise StationError(
+            f"{there[0]}: the server has a certificate already, and clients trust it. To replace it, add --replace"
+        )
     key = rsa.generate_private_key(public_exponent=65537, key_size=KEY_BITS)
     content = made_certificate(key, application_uri(settings), [*hosts_of(settings), *names]).public_bytes(
         serialization.Encoding.DER
@@ -116,17 +121,22 @@ def checked_certificate(data: Path, settings: OpcUaSettings) -> tuple[x509.Certi
     certificate = read_certificate(file, "Make it with: lostmotion opcua certificate")
     now = WALL_CLOCK.now()
     if certificate.not_valid_after_utc < now:
-        raise StationError(f"{file}: expired on {certificate.not_valid_after_utc:%Y-%m-%d}. {NEXT}")
+        raise StationError(f"{file}: this certificate expired on {certificate.not_valid_after_utc:%Y-%m-%d}. {NEXT}")
     if certificate.not_valid_before_utc > now:
-        raise StationError(f"{file}: is valid from {certificate.not_valid_before_utc:%Y-%m-%d} on. Check the clock")
+        raise StationError(
+            f"{file}: this certificate is valid only from {certificate.not_valid_before_utc:%Y-%m-%d} on. "
+            "Check the computer's clock"
+        )
     names = _alternative_names(certificate)
     uris = names.get_values_for_type(x509.UniformResourceIdentifier)
     if not uris:
-        raise StationError(f"{file}: names no application URI. {NEXT}")
+        raise StationError(f"{file}: this certificate names no application URI. {NEXT}")
     known = [*names.get_values_for_type(x509.DNSName), *map(str, names.get_values_for_type(x509.IPAddress))]
     if not settings.every_address and settings.host.lower() not in {name.lower() for name in known}:
-        found = f"is for {', '.join(known) or 'no host'}, not for {settings.host} of endpoint in {FILE}"
-        raise StationError(f"{file}: {found}. {NEXT}")
+        raise StationError(
+            f"{file}: this certificate is for {', '.join(known) or 'no host'}, not for {settings.host}, the host of "
+            f"'endpoint' in {FILE}. {NEXT}"
+        )
     _check_key(key_file, certificate)
     return certificate, str(uris[0])
 
@@ -136,13 +146,13 @@ def _check_key(file: Path, certificate: x509.Certificate) -> None:
         key = serialization.load_pem_private_key(file.read_bytes(), None)
         mode = file.stat().st_mode
     except OSError as error:
-        raise StationError(f"{file}: cannot be read: {error.strerror}. {NEXT}") from error
+        raise StationError(f"{file}: this private key cannot be read: {error.strerror}. {NEXT}") from error
     except (ValueError, TypeError) as error:
-        raise StationError(f"{file}: is no private key in PEM without a password. {NEXT}") from error
+        raise StationError(f"{file}: this is not a private key in PEM format without a password. {NEXT}") from error
     if mode & 0o077:
-        raise StationError(f"{file}: can be read by others. Close it with: chmod 600 {file}")
+        raise StationError(f"{file}: other users can read this private key. Run: chmod 600 {file}")
     if key.public_key() != certificate.public_key():
-        raise StationError(f"{file}: is not the key of the certificate. {NEXT}")
+        raise StationError(f"{file}: this private key does not belong to the certificate of the server. {NEXT}")
 
 
 def _alternative_names(certificate: x509.Certificate) -> x509.SubjectAlternativeName:
@@ -159,9 +169,9 @@ def read_certificate(file: Path, next_step: str = "Name a certificate in DER or 
             content = opened.read(LARGEST_BYTES)
         return (x509.load_pem_x509_certificate if b"-----BEGIN" in content else x509.load_der_x509_certificate)(content)
     except OSError as error:
-        raise StationError(f"{file}: cannot be read: {error.strerror}. {next_step}") from error
+        raise StationError(f"{file}: this certificate cannot be read: {error.strerror}. {next_step}") from error
     except ValueError as error:
-        raise StationError(f"{file}: is no certificate. {next_step}") from error
+        raise StationError(f"{file}: this file is not a certificate. {next_step}") from error
 
 
 def fingerprint(certificate: x509.Certificate) -> str:
@@ -179,10 +189,13 @@ class Trust:
         """Return why a client's certificate is refused, '' where it is not."""
         now = WALL_CLOCK.now()
         if not certificate.not_valid_before_utc <= now <= certificate.not_valid_after_utc:
-            return f"expired on {certificate.not_valid_after_utc:%Y-%m-%d}, or not valid yet"
+            return (
+                f"{OUT_OF_DATE} from {certificate.not_valid_before_utc:%Y-%m-%d} "
+                f"to {certificate.not_valid_after_utc:%Y-%m-%d} only"
+            )
         if fingerprint(certificate) in self._known():
             return ""
-        return f"is not trusted. Trust it with: lostmotion opcua trust {self._keep(certificate)}"
+        return f"the certificate is not trusted. Trust it with: lostmotion opcua trust {self._keep(certificate)}"
 
     def _known(self) -> set[str]:
         known = set()

@@ -254,7 +254,7 @@ class Outbox:
             owed = connection.execute(delete(OWED).where(OWED.c.client == client)).rowcount
             if not connection.execute(delete(CLIENTS).where(CLIENTS.c.name == client)).rowcount:
                 known = ", ".join(connection.execute(select(CLIENTS.c.name)).scalars()) or "none"
-                raise StationError(f"there is no client {client[:40]!r}. Known clients: {known} ({FILE})")
+                raise StationError(f"there is no OPC UA client {client[:40]!r}. Known clients: {known} ({FILE})")
         return owed
 
 

@@ -148,4 +148,4 @@ def chosen_by(nodes: Nodes, where: ua.ContentFilter | None, metas: list[ResultMe
     try:
         return [meta for meta in metas if of_meta._eval_el(0, meta_of(meta))]  # noqa: SLF001 - `eval` hides errors
     except (AttributeError, IndexError, NotImplementedError, TypeError, RecursionError) as error:
-        raise ValueError(f"the filter cannot be used: {error}") from error
+        raise ValueError(f"the client's filter of results cannot be used: {error}") from error

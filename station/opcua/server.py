@@ -55,7 +55,6 @@ def serve(data: Path) -> None:
 
 def _refuse_taken(settings: OpcUaSettings) -> None:
     """Refuse an address on which nobody can listen before the nodes are made, which takes seconds."""
-    where = f"{FILE}: endpoint: {settings.endpoint}"
     try:
         family, kind, protocol, _, address = socket.getaddrinfo(
             settings.host, settings.port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
@@ -64,14 +63,19 @@ def _refuse_taken(settings: OpcUaSettings) -> None:
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             listener.bind(address)
     except OSError as error:
-        if error.errno == errno.EADDRINUSE:
-            raise StationError(
-                f"{where}: another program uses this port. Choose another port in opcua.yaml, or stop that program"
-            ) from error
-        raise StationError(
-            f"{where}: the server cannot listen at this address: {error.strerror or error}. Correct endpoint "
-            "in opcua.yaml"
-        ) from error
+        raise _cannot_listen(settings, error) from error
+
+
+def _cannot_listen(settings: OpcUaSettings, error: OSError) -> StationError:
+    """Return the error of an address that the computer did not give the server."""
+    where = f"{FILE}: endpoint: {settings.endpoint}"
+    if error.errno == errno.EADDRINUSE:
+        return StationError(
+            f"{where}: another program uses this port. Choose another port in opcua.yaml, or stop that program"
+        )
+    return StationError(
+        f"{where}: the server cannot listen at this address: {error.strerror or error}. Correct endpoint in opcua.yaml"
+    )
 
 
 @contextmanager
@@ -118,7 +122,7 @@ class _Service:
         try:
             await server.start()
         except OSError as error:  # somebody took the port while the nodes were made
-            raise StationError(f"{FILE}: endpoint: {self._settings.endpoint}: {error.strerror or error}") from error
+            raise _cannot_listen(self._settings, error) from error
         try:
             print(f"opcua    {self._address(server)}  {self._uri}", flush=True)  # noqa: T201 - what a person needs
             await asyncio.gather(self._collect(), self._deliver(), self._show(space), self._watch_accounts())

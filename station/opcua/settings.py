@@ -56,7 +56,8 @@ class Client(BaseModel):
     @model_validator(mode="after")
     def _is_known_by_one(self) -> Client:
         if (self.user is None) == (self.certificate is None):
-            raise refusal(self.name, "exactly one of user and certificate")
+            found = "neither of them" if self.user is None else "both of them"
+            raise refusal(f"client {self.name} with {found}", "exactly one of user and certificate")
         return self
 
 
@@ -102,7 +103,7 @@ class OpcUaSettings(BaseModel):
             given = [value for client in self.clients if (value := getattr(client, kind)) is not None]
             twice = sorted({value for value in given if given.count(value) > 1})
             if twice:
-                raise refusal(twice[0], f"a different {kind} for each client")
+                raise refusal(f"two clients with the {kind} {twice[0]}", f"a different {kind} for each client")
         return self
 
     @property
@@ -141,5 +142,7 @@ def load_opcua(data: Path) -> OpcUaSettings:
     """
     file = data / FILE
     if not file.exists():
-        raise StationError(f"{file}: is missing. Write it, with what stands on the bench's type plate:\n{EXAMPLE}")
+        raise StationError(
+            f"{file}: is missing. Make this file, with the data on the bench's type plate, such as:\n{EXAMPLE}"
+        )
     return load_document(file, OpcUaSettings)

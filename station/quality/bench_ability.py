@@ -75,16 +75,19 @@ def series_of(production: Production, part: Part) -> tuple[PartSeries, ...]:
         kind = "virtual" if part.virtual else "real"
         where = "" if part.bench is None else f" on bench {part.bench}"
         raise StationError(
-            f"{production.chain.data}: no valid run of a {kind} unit {part.serial}{where}. Measure it, or see "
-            "'lostmotion list'" + ("" if part.virtual else "; units of the virtual bench count with --virtual")
+            f"{production.chain.data}: this data folder has no valid run of the {kind} unit {part.serial}{where}. "
+            "Measure the unit, or see 'lostmotion list'"
+            + ("" if part.virtual else ". Add --virtual for units of the virtual bench")
         )
     if len(benches) > 1:
         there = ", ".join(f"{name} ({counted(number, 'run')})" for name, number in benches)
-        raise StationError(f"{part.serial} was measured on {there}; each bench is judged alone. Choose it with --bench")
+        raise StationError(
+            f"unit {part.serial} was measured on {there}; each bench is judged alone. Choose one with --bench"
+        )
     newest = production.connection.execute(select(func.max(runs.c.run))).scalar_one()
     what = one_of(metrics_of_run(production, str(newest)), part.metric, part.branch)
     if part.side is not None and part.side not in what.sides:
-        raise StationError(f"--side: found '{part.side:.20}'; {what.name} has {' and '.join(what.sides)}")
+        raise StationError(f"--side: found '{part.side:.20}'; the metric {what.name} has {' and '.join(what.sides)}")
     found = []
     for side in what.sides if part.side is None else (part.side,):
         rows = values_of_part(production, runs, what, side)
@@ -124,8 +127,8 @@ def tolerance_of(production: Production, series: PartSeries) -> tuple[float, str
         return what.limit_max - what.limit_min, f"the limits in run {run.id}"
     one = "one limit" if what.limited else "no limit"
     raise StationError(
-        f"{what.name}: run {run.id} has {one}. A tolerance needs a lower and an upper limit. Write it into the recipe, "
-        f"'- {{id: {what.metric}, tolerance: …}}', or give it with --tolerance"
+        f"{what.name}: run {run.id} has {one} for this metric, so its tolerance is not known. Write the tolerance into "
+        f"the recipe, '- {{id: {what.metric}, tolerance: …}}', or give it with --tolerance"
     )
 
 

@@ -132,12 +132,12 @@ def capability_of(
         chosen = [one for one in characteristics(production, lot) if one.limited]
     if limits is not None:
         if len(chosen) != 1:
-            raise StationError("--min and --max are for one metric. Name it with --metric")
+            raise StationError("--min and --max change the limits of one metric. Name this metric with --metric")
         chosen = [chosen[0]._replace(limit_min=limits.min, limit_max=limits.max)]
     without = [one.name for one in chosen if not one.limited]
     if without or not chosen:
-        what = ", ".join(without) or "no metric of the newest run"
-        raise StationError(f"capability: {what} has {'no' if without else 'a'} limit; give --min X, --max X or both")
+        what = f"no limit for {', '.join(without)}" if without else "no metric of the newest run has a limit"
+        raise StationError(f"capability needs a limit, but found {what}. Give --min X, --max X or both")
     rows = tuple(_capability_row(production, lot, one, subgroup, level) for one in chosen)
     return CapabilityFigure(lot, subgroup, level, rows)
 
@@ -281,6 +281,7 @@ def _origin(production: Production, lot: Lot, what: Characteristic, side: str) -
     newest = values(production, lot._replace(newest=1), what, side)
     if not newest:
         raise StationError(
-            f"{what.name} side {side}: no first attempt of this lot has a value. Choose another side or lot"
+            f"{what.name}, side {side}: no first attempt of a unit in the chosen lot has a value of this metric. "
+            "Choose the other side, or other runs"
         )
     return newest[0].value

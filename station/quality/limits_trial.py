@@ -112,7 +112,7 @@ def why_by_rule(what: Characteristic, sides: Sequence[TriedSide], rule: Rule, af
     decision = Decision("simple") if rule.guard_factor is None else Decision("guard_band", rule.guard_factor)
     judged = [(one, *judge(one.value, one.uncertainty, (rule.limit_min, rule.limit_max), decision)) for one in sides]
     if rule.limit_min is None and rule.limit_max is None:
-        return f"{what.name} has no limit; {REST[after]}"
+        return f"the metric {what.name} has no limit; {REST[after]}"
     verdict = worst(one for _, one, _ in judged)
     decisive = [(one, limit) for one, found, limit in judged if found is verdict]
     said = f"{what.name} {'; '.join(_of_side(one, verdict, limit, what, rule) for one, limit in decisive)}"
@@ -120,9 +120,9 @@ def why_by_rule(what: Characteristic, sides: Sequence[TriedSide], rule: Rule, af
 
 
 REST = {
-    "PASS": "no other metric hinders it",
-    "FAIL": "another metric is FAIL",
-    "NOT DECIDABLE": "another metric is NOT DECIDABLE",
+    "PASS": "no other metric of this run prevents a PASS",
+    "FAIL": "another metric of this run is FAIL",
+    "NOT DECIDABLE": "another metric of this run is NOT DECIDABLE",
 }
 """What the other metrics of a run say, where they decide its verdict."""
 
@@ -132,7 +132,7 @@ def _of_side(one: TriedSide, verdict: Verdict, limit: str, what: Characteristic,
     if one.value is None:
         return f"{side}has no value"
     if limit == "uncertainty":
-        return f"{side}has no U, which a guard band needs"
+        return f"{side}has no expanded uncertainty U, which a guard band needs"
     unit = "" if what.unit in ("", "1") else f" {what.unit}"
     bound = rule.limit_min if limit == "min" else rule.limit_max
     found, named = f"{side}{one.value:.6g}{unit}", f"{limit} {bound:.6g}{unit}"
@@ -161,8 +161,8 @@ def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Trie
     spread = [one for one in recipe.metrics if one.id == what.metric and one.max_standard_deviation is not None]
     if spread:
         raise StationError(
-            f"{what.name}: its recipe limits the standard deviation over cycles too, which the store does not hold. "
-            "Evaluate the runs with 'lostmotion analyze --recipe'"
+            f"{what.name}: the recipe also limits the standard deviation over cycles of this metric, which the store "
+            "of runs does not have. Evaluate the runs with 'lostmotion analyze --recipe'"
         )
     guard = None if recipe.decision.rule == "simple" else recipe.decision.guard_factor
     before = Rule(what.limit_min, what.limit_max, guard)
@@ -172,7 +172,9 @@ def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Trie
         guard if tried.guard_factor is None else (tried.guard_factor or None),
     )
     if after == before:
-        raise StationError("no limit differs from the recipe: give --min, --max or --guard-factor another value")
+        raise StationError(
+            "the limits to try are those of the recipe. Give --min, --max or --guard-factor another value"
+        )
     return Rules(run, before, after)
 
 
@@ -231,8 +233,8 @@ def draft_text(data: Path, found: Trial) -> bytes:
     places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
     if len(places) != 1:
         raise StationError(
-            f"{found.recipe_run}: {path.name}: found {len(places)} entries of {found.metric.metric} under metrics; "
-            "expected exactly one. Change the limits by hand on the page Recipes"
+            f"run {found.recipe_run}: its {path.name} has {len(places)} entries of {found.metric.metric} under "
+            "'metrics'; expected exactly one. Change the limits by hand on the page Recipes"
         )
     for name in ("limit_min", "limit_max"):
         now, new = getattr(found.before, name), getattr(found.after, name)

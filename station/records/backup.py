@@ -80,9 +80,9 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     if file.exists():
-        raise StationError(f"{file}: exists already and is never overwritten. Choose another name")
+        raise StationError(f"{file}: this file exists already and is never overwritten. Choose another name")
     if file.resolve().is_relative_to(data.resolve()):
-        raise StationError(f"{file}: is inside the data folder. Choose a place on another disk")
+        raise StationError(f"{file}: the backup would be inside the data folder. Choose a place on another disk")
     _refuse_while_on(data)
     part = file.with_name(f".{file.name}.part")
     try:
@@ -109,12 +109,15 @@ def _refuse_while_on(data: Path) -> None:
     for run in reversed(Store(data).newest(NEWEST_LOOKED_AT)):
         if _state(run) in (RECORDING, NOT_CONCLUDED):
             raise StationError(
-                f"run {run.id} is in progress, or not concluded. Wait for its end, or 'lostmotion conclude --all'"
+                f"run {run.id} is in progress, or was not concluded. Wait for its end, or run 'lostmotion conclude "
+                "--all'"
             )
     for folder in below(data):
         for record in reversed(Store(folder).newest(NEWEST_LOOKED_AT)):
             if _state(record) == RECORDING:
-                raise StationError(f"{folder.name}/{record.id} is in progress. End it, or wait for its end")
+                raise StationError(
+                    f"{folder.name}/{record.id}: this recovery or jog is in progress. End it, or wait for its end"
+                )
 
 
 def _state(record: RunRecord) -> str:
@@ -154,7 +157,10 @@ def _files(data: Path) -> Iterator[Path]:
             if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
                 continue
             if path.is_symlink() or not path.is_file():
-                raise RecordError(f"{path}: is not a file. A data folder holds only files and folders: move it out")
+                raise RecordError(
+                    f"{path}: this is a link or a device. A data folder may have only files and folders. Move it out "
+                    "of the data folder"
+                )
             yield path
 
 
@@ -188,7 +194,7 @@ def restore(file: Path, data: Path) -> Kept:
 
     """
     if data.exists() and (not data.is_dir() or any(data.iterdir())):
-        raise StationError(f"--data {data}: is not empty. Name a new folder: files are never overwritten")
+        raise StationError(f"--data {data}: this folder is not empty, and nothing is overwritten. Name a new folder")
     data.parent.mkdir(parents=True, exist_ok=True)
     part = Path(tempfile.mkdtemp(prefix=f".{data.name}.", dir=data.parent))
     try:
@@ -230,26 +236,30 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
                 content = archive.extractfile(entry)
                 if content is None or listed is not None:
                     raise RecordError(
-                        f"{file}: {entry.name}: is not part of a backup. Name a file that 'lostmotion store backup' "
-                        "wrote"
+                        f"{file}: this file is not a backup: it has the strange entry {entry.name}. Name a file that "
+                        "'lostmotion store backup' wrote"
                     )
                 if entry.name == LIST:
                     listed = document_in(FileList, content.read(), file / LIST)
                     continue
                 found[entry.name] = _extracted(file, entry.name, content, into)
     except (tarfile.TarError, EOFError, ValueError) as error:
-        raise RecordError(f"{file}: cannot be read as a backup: {error}. Take another backup") from error
+        raise RecordError(f"{file}: cannot be read as a backup: {error}. Name another backup file") from error
     except OSError as error:
         raise refused(file, error, "read") from error
     if listed is None:
-        raise RecordError(f"{file}: has no {LIST} at its end: it was cut short. Take another backup")
+        raise RecordError(f"{file}: this backup was cut short: it has no {LIST} at its end. Name another backup file")
     if listed.format != FORMAT:
-        raise RecordError(f"{file}: found format {listed.format}; this program reads {FORMAT}. Use a newer lostmotion")
+        raise RecordError(
+            f"{file}: this backup has format {listed.format}; this program reads format {FORMAT}. Use a newer "
+            "lostmotion"
+        )
     wanted = {row.path: (row.bytes, row.sha256) for row in listed.files}
     wrong = sorted(name for name in {*wanted, *found} if wanted.get(name) != found.get(name))
     if wrong:
         raise RecordError(
-            f"{file}: {wrong[0]} differs from what was backed up ({len(wrong)} files). Take another backup"
+            f"{file}: {len(wrong)} files in this backup have changed since it was made, such as {wrong[0]}. Name "
+            "another backup file"
         )
     return found, listed.made
 
@@ -258,8 +268,8 @@ def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[
     pure = PurePosixPath(name)
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
         raise RecordError(
-            f"{file}: {name!r} would be written outside the data folder; it is not a backup of this program. Take "
-            "another file"
+            f"{file}: this file is not a backup of this program: {name!r} would be written outside the data folder. "
+            "Name a file that 'lostmotion store backup' wrote"
         )
     size, digest = 0, hashlib.sha256()
     with ExitStack() as opened:

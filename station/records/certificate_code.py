@@ -83,8 +83,8 @@ def check_code(data: Path, text: str) -> CheckedCode:
     found = _CODE.fullmatch(text.strip()) if len(text) <= LONGEST_CODE else None
     if found is None:
         raise CodeError(
-            f"found {text.strip()[:40]!r}; a code begins with 'LM1.', then 64 hexadecimal digits, a full stop and the "
-            "run. Scan the square on the certificate again"
+            f"found {text.strip()[:40]!r}, which is not the code of a certificate: 'LM1.', 64 hexadecimal digits, a "
+            "full stop and the run id. Scan the square on the certificate again"
         )
     sha256, name = found[1].lower(), found[2]
     run, chain = Store(data).by_id(name), Chain(data)

@@ -15,7 +15,7 @@ _BEFORE = {"real": WALL}
 
 CLOCK_TEXTS = {
     WALL: "wall clock",
-    SCAN: "scan clock: the virtual bench waited for the scan",
+    SCAN: "scan clock: the virtual bench waited for each scan of the controller",
     VIRTUAL: "virtual time",
 }
 

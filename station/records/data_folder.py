@@ -144,7 +144,7 @@ class Store:
                 self.warnings += chain.warnings
         except OSError as error:
             raise RecordError(
-                f"{self.data}: cannot be written: {error.strerror}. Choose another folder with --data"
+                f"{self.data}: the data folder cannot be written: {error.strerror}. Choose another folder with --data"
             ) from error
         for name, content in files.items():
             (record.folder / name).parent.mkdir(exist_ok=True)
@@ -250,12 +250,13 @@ class Store:
         archived = [] if name == "last" or exact or by_serial else only_archived(self.data, name)
         if archived and not any(name in one and self._is_run(one) for one in names):
             raise StationError(
-                f"{archived[-1]}: this run is only in the archive. Bring it back with "
+                f"run {archived[-1]}: this run is only in the archive. Bring it back with "
                 f"'lostmotion archive fetch {archived[-1]}'"
             )
         if newest is None:
             raise StationError(
-                f"{self.data}: holds no runs. Measure one with 'lostmotion run', or name another folder with --data"
+                f"{self.data}: this data folder has no runs. Measure a unit with 'lostmotion run', or name another "
+                "folder with --data"
             )
         if name == "last" or exact:
             return RunRecord(self.data / (newest if name == "last" else name))
@@ -266,8 +267,10 @@ class Store:
             return RunRecord(self.data / by_part[0])
         if by_part:
             ids = ", ".join(by_part[:8])
-            raise StationError(f"{name}: fits {len(by_part)} runs: {ids}. Give more characters of the id")
-        raise StationError(f"{name}: no such run in {self.data}; newest is {newest}. See 'lostmotion list'")
+            raise StationError(
+                f"{name}: the ids of {len(by_part)} runs contain this: {ids}. Give more characters of the run id"
+            )
+        raise StationError(f"{name}: no such run in {self.data}; the newest run is {newest}. See 'lostmotion list'")
 
     def _is_run(self, name: str) -> bool:
         return (self.data / name / MANIFEST).is_file()

@@ -77,4 +77,4 @@ def about_run(found: Walk, run: str) -> str:
 
 
 def _unit(entry: Entry) -> str:
-    return f"attempt {entry.fields['attempt']} of {entry.fields['serial']}"
+    return f"attempt {entry.fields['attempt']} of unit {entry.fields['serial']}"

@@ -54,9 +54,8 @@ def _checked(store: Store, bench: str, part: MasterPart, now: datetime) -> Maste
 
 
 ONE_SIDED = (
-    "Its limits are on one side, so an error that makes it read better does not show: give the recipe of the part a "
-    "lower and an "
-    "upper limit"
+    "Its recipe has a limit on one side only, so a measuring error towards better values is not detected: give this "
+    "recipe a lower and an upper limit"
 )
 
 
@@ -66,7 +65,7 @@ def _proves(run: RunRecord, part: MasterPart) -> str:
     A good one lies within its limits whatever the error, so its value cannot be off by more than they are apart.
     """
     if part.expect != "PASS":
-        return "A unit like this one does not pass on this bench"
+        return "The bench rejects a bad unit like this master part"
     apart = {}
     for metric in run.read(Result, RESULT).metrics:
         low, high = metric.limits.min, metric.limits.max
@@ -75,7 +74,7 @@ def _proves(run: RunRecord, part: MasterPart) -> str:
     if not apart:
         return ONE_SIDED
     narrowest = min(apart, key=lambda name: apart[name])
-    return f"An error of its {narrowest} above {apart[narrowest]:.2g} % would be detected"
+    return f"A measuring error above {apart[narrowest]:.2g} % of the metric {narrowest} would have been detected"
 
 
 def _newest(store: Store, bench: str, serial: str) -> tuple[RunRecord, Manifest] | None:

@@ -67,8 +67,8 @@ class StoredProgram:
     def _known(self, name: str, value: Entry | None) -> Entry:
         if value is None:
             raise RecordError(
-                f"{self._place}: has no entry {name}: an older version wrote the file, or it is damaged. Restore it "
-                "from a backup"
+                f"{self._place}: the entry '{name}' is missing: an older version wrote this file, or it is damaged. "
+                "Restore the file from a backup"
             )
         return value
 

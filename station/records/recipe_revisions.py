@@ -98,9 +98,13 @@ class Revision:
             with open_regular(self.path) as file:
                 content = file.read(LARGEST_FILE + 1)
         except (OSError, ValueError) as error:
-            raise RecordError(f"{self.path}: cannot be read: {error}. Restore it from a backup") from error
+            raise RecordError(
+                f"{self.path}: this stored recipe cannot be read: {error}. Restore the file from a backup"
+            ) from error
         if hash_of(content) != self.sha256:
-            raise RecordError(f"{self.path}: is not the text that was saved. Restore it from a backup")
+            raise RecordError(
+                f"{self.path}: this stored recipe was changed after it was saved. Restore the file from a backup"
+            )
         return content
 
 
@@ -136,7 +140,7 @@ def after(before: Revision | None, event: Event, data: Path) -> Revision:
     if event.kind == RECIPE_ASKED:
         return replace(before, state=State.ASKED, asked_by=event.person)
     if before.state is not State.ASKED:
-        raise RevisionError(f"{title} is a draft. Its author asks for the release first")
+        raise RevisionError(f"{title} is a draft. Its author has to ask for the release first")
     if event.person in before.authors:
         raise RevisionError(f"{title} was written by {event.person}. Another person has to release it")
     return replace(before, state=State.RELEASED, released_by=event.person, released=event.time)
@@ -275,7 +279,7 @@ def save_draft(data: Path, content: bytes, person: str, replaces: str = "") -> R
             )
         if there is None and revision < least:
             raise RevisionError(
-                f"{name} revision {revision} is below one that is released. Write revision {least} or higher"
+                f"{name} revision {revision}: a higher revision is released already. Write revision {least} or higher"
             )
         event = Event(RECIPE_SAVED, name, revision, sha256, person, now_text())
         found = after(there, event, data)
@@ -400,5 +404,5 @@ def _broken(entries: Iterable[Entry]) -> Iterable[str]:
     counter, sha256 = 0, ""
     for entry in entries:
         if entry.counter != counter + 1 or entry.fields["previous"] != sha256:
-            yield f"{HISTORY}: line {entry.counter} does not follow the line before it: lines were removed or changed"
+            yield f"{HISTORY}: lines before line {entry.counter} were removed or changed"
         counter, sha256 = entry.counter, entry.sha256

@@ -86,7 +86,10 @@ def ring_of(run: RunRecord) -> Path | None:
         return None
     path, place = Path(name), run.folder / MANIFEST
     if not path.name.startswith(FILE_PREFIX):
-        raise RecordError(f"{place}: is damaged: ring: found {name!r}; allowed is a file {FILE_PREFIX}.... {NEXT_STEP}")
+        raise RecordError(
+            f"{place}: is damaged: entry 'ring': found {name!r}; allowed: the path of a file whose name begins with "
+            f"{FILE_PREFIX}. {NEXT_STEP}"
+        )
     try:
         path.stat()
     except OSError as error:
@@ -96,7 +99,7 @@ def ring_of(run: RunRecord) -> Path | None:
     head = ring_head(path)
     if head is not None and head.run and Path(head.run).name != run.id:
         raise RecordError(
-            f"{place}: is damaged: ring: found the record buffer of run {Path(head.run).name}; allowed is its own. "
+            f"{place}: is damaged: entry 'ring': found the record buffer of another run, {Path(head.run).name}. "
             f"{NEXT_STEP}"
         )
     return path

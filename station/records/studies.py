@@ -71,7 +71,8 @@ def check_name(name: str) -> str:
     """Return the name of a study as it may be one; StudyError otherwise."""
     if not NAME.fullmatch(name):
         raise StudyError(
-            f"study: found {name[:60]!r}; allowed are 1 to 40 letters, digits, - and _, a letter or digit first"
+            f"name of the study: found {name[:60]!r}; allowed are 1 to 40 letters, digits, - and _, a letter or digit "
+            "first"
         )
     return name
 
@@ -94,7 +95,7 @@ def read_study(data: Path, name: str) -> Study:
     if not entries:
         there = ", ".join(study_names(data)) or "none"
         raise StudyError(
-            f"{path}: there is no such study; found are {there}. Begin one with 'lostmotion quality study begin'"
+            f"{path}: there is no such study. Studies here: {there}. Begin one with 'lostmotion quality study begin'"
         )
     return _study(data, name, entries)
 
@@ -151,7 +152,10 @@ def _study(data: Path, name: str, entries: list[Entry]) -> Study:
             else ""
         )  # fmt: skip
         if why:
-            raise StudyError(f"{path}: line {number} {why}. Restore the file from a backup, or begin a new study")
+            raise StudyError(
+                f"{path}: this study is damaged: line {number} {why}. Restore the file from a backup, or begin a new "
+                "study"
+            )
         before = entry
     first, *others = entries
     plan = of_plain(StudyPlan, first.fields["plan"], path)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from analysis.validity.evidence import RunFacts
-from definitions.image import SampleStatus, State
+from definitions.image import Reaction, SampleStatus, State
 from definitions.states import LOADED
 from recipes.schema.recipe_schema import Sampling
 from station.documents.exported import Counts
@@ -79,8 +79,15 @@ def counts_of(table: Table, timing: Timing) -> Counts:
         oldest_sample_scans=timing.oldest_sample_scans,
         **{name: int(np.count_nonzero(flags & bit)) for bit, name in COUNTED.items()},
         bench_waited=int(clock_of(timing.clock) == SCAN),
+        holds=holds_in(table),
     )
     return _with_zeroes(counts, table)
+
+
+def holds_in(table: Table) -> int:
+    """Return how often a ramp was held while the recipe's torque was on the unit."""
+    held = measuring(table)["orders"]["reaction"] == Reaction.HOLD
+    return int(np.count_nonzero(held[1:] & ~held[:-1])) + int(held[:1].sum())
 
 
 def _with_zeroes(counts: Counts, table: Table) -> Counts:
@@ -130,6 +137,6 @@ def clock_note(timing: Timing) -> str:
         return ""
     share = missed / max(timing.scans, 1)
     return (
-        f"With real hardware this computer would have missed {missed} periods ({share:.2%}). 'lostmotion timing' "
+        f"With real hardware this computer would have missed {missed} scan cycles ({share:.2%}). 'lostmotion timing' "
         "shows causes and remedies"
     )

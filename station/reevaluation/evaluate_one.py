@@ -132,18 +132,18 @@ def _record(job: Job) -> Iterator[RunRecord]:
         run = RunRecord(Path(job.folder))
         altered = alterations(run)
         if altered:
-            raise StationError(f"record altered: {altered[0]}. Restore it from a backup")
+            raise StationError(f"the record of the run was altered: {altered[0]}. Restore it from a backup")
         yield run
         return
     place = _place(job.archive)
     with folder_of(place, job.object, job.group, job.run) as folder:
         run = RunRecord(folder)
         if fingerprint(folder / MANIFEST).sha256 != job.sha256:
-            raise StationError(f"{job.object}: its run.json has changed. {REPLACE}")
+            raise StationError(f"archive object {job.object}: the run.json of run {job.run} has changed. {REPLACE}")
         kept = run.manifest().files or {}
         wrong = next((name for name, one in kept.items() if _sha256(folder / name) != one.sha256), None)
         if wrong is not None:
-            raise StationError(f"{job.object}: {wrong} has changed. {REPLACE}")
+            raise StationError(f"archive object {job.object}: the file {wrong} of run {job.run} has changed. {REPLACE}")
         yield run
 
 
@@ -168,7 +168,10 @@ def _from_trace(job: Job, question: Question) -> tuple[Found, Recipe]:
 
 def _check_facts(job: Job, facts: TraceFacts) -> None:
     if (facts.run, facts.sha256) != (job.run, job.sha256):
-        raise StationError(f"{job.object}: row group {job.group} is the trace of {facts.run}. {REPLACE}")
+        raise StationError(
+            f"archive object {job.object}: row group {job.group} has the trace of run {facts.run}, expected {job.run}. "
+            f"{REPLACE}"
+        )
 
 
 def _asked(question: Question, own: Recipe, own_bytes: bytes, run: str) -> tuple[Recipe, bool]:

@@ -58,7 +58,7 @@ def where_of(conditions: Sequence[str]) -> Where:
         name, equals, value = (part.strip() for part in text.partition("="))
         if name not in Where._fields or not equals or not value or name in found:
             raise ReevaluationError(
-                f"--where: found {text!r}; allowed is NAME=VALUE, each NAME once: {', '.join(Where._fields)}"
+                f"--where: found {text!r}; allowed is NAME=VALUE, each NAME once. Names: {', '.join(Where._fields)}"
             )
         found[name] = _moment(name, value) if name in ("since", "until") else value
     if found.get("verdict") not in (None, *VERDICTS):
@@ -140,7 +140,10 @@ def job_at(job: Job, archive: ArchiveSettings, name: str, group: int, trace_sha2
 def _of_archive(data: Path, where: Where, note: Note, archive: ArchiveSettings | None, *, whole_record: bool) -> Wanted:
     """Return jobs for the runs of the archive; their verdicts are those that the chain vouches for."""
     if archive is None:
-        raise ReevaluationError("--archive: the data folder has no archive.yaml. See 'lostmotion archive --help'")
+        raise ReevaluationError(
+            "--archive: the data folder has no archive.yaml, the file that names the archive. See 'lostmotion archive "
+            "--help'"
+        )
     conditions = [f"state = '{COMPLETE}'"]
     for name in ("recipe", "model", "bench", "serial", "operator"):
         value = getattr(where, name)

@@ -119,7 +119,9 @@ def open_ledger(data: Path, question: str, text: str) -> Iterator[Ledger]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
-            raise ReevaluationError(f"{path}: another process does the same re-evaluation. Wait for its end") from None
+            raise ReevaluationError(
+                f"{path}: another process is doing the same re-evaluation. Wait until it ends"
+            ) from None
         yield Ledger(path, question)
     finally:
         os.close(handle)

@@ -31,7 +31,7 @@ def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> list[
     named = next((name for name in CANNOT if getattr(where, name) is not None), None)
     if named is not None:
         raise ReevaluationError(
-            f"--where {named}: limits are tried on a lot; allowed are recipe, model, bench, since, until"
+            f"--where {named}: cannot be used together with --limits; allowed are recipe, model, bench, since, until"
         )
     with production(data) as look:
         lot = Lot(where.recipe, where.model, where.bench, where.since, where.until, newest=None)

@@ -92,7 +92,9 @@ def _connected(address: str, count: int) -> Any:
         import ray  # noqa: PLC0415 - of the extra `cluster`
         import ray.exceptions  # noqa: PLC0415 - as above
     except ImportError as error:
-        raise ReevaluationError("Ray is not installed. Install it: pip install 'lostmotion[cluster]'") from error
+        raise ReevaluationError(
+            "--cluster: the library Ray is not installed. Install it: pip install 'lostmotion[cluster]'"
+        ) from error
     named: Any = {"include_dashboard": False, "logging_level": "ERROR", "log_to_driver": False}
     if address == HERE:
         named |= {"address": HERE, "num_cpus": count, "_node_ip_address": LOOPBACK, "object_store_memory": STORE_BYTES}
@@ -103,6 +105,6 @@ def _connected(address: str, count: int) -> Any:
     except Exception as error:  # of any class: Ray raises plain exceptions where a part of it does not start
         cause = " ".join(str(error).split())[:300]
         raise ReevaluationError(
-            f"--cluster {address}: cannot be reached: {cause}. Check the address and the token"
+            f"--cluster {address}: this Ray cluster cannot be reached: {cause}. Check the address and the token"
         ) from error
     return ray

@@ -112,13 +112,13 @@ def limits_of(text: str) -> LimitsQuestion:
         ReevaluationError: the text is none.
 
     """
-    allowed = 'a metric and what is other, as in "lost_motion max=0.9"; min, max, guard and branch'
+    allowed = 'a metric and its new limits (min, max, guard, branch), as in "lost_motion max=0.9"'
     metric, *options = text.split() or [""]
     found: dict[str, str] = {}
     for option in options:
         name, _, value = option.partition("=")
         if name not in LIMIT_OPTIONS or not value or name in found:
-            raise ReevaluationError(f"--limits: found {option!r}; allowed are {allowed}")
+            raise ReevaluationError(f"--limits: found {option!r}; allowed is {allowed}")
         found[name] = value
     if not metric or "=" in metric or not set(found) - {"branch"}:
         raise ReevaluationError(f"--limits: found {text!r}; allowed is {allowed}")

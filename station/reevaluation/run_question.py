@@ -112,7 +112,10 @@ def ask_of_runs(
 def _other_software(outcome: Outcome, software: str) -> str:
     if outcome.software == software:
         return ""
-    return f"was evaluated by {outcome.software}, this computer has {software}. Install the same version everywhere"
+    return (
+        f"the run was evaluated by version {outcome.software}; this computer has version {software}. Install the same "
+        "version on every computer"
+    )
 
 
 Evaluating = Callable[[list[Job]], Iterator[Evaluated]]
@@ -124,9 +127,7 @@ def _asked(
     """Return the jobs of a question, and what evaluates those that are left."""
     if isinstance(question, LimitsQuestion):
         if means.cluster is not None or means.from_archive:
-            raise ReevaluationError(
-                "--limits is computed by the database of the store; leave out --cluster and --archive"
-            )
+            raise ReevaluationError("--limits reads the stored results only; leave out --cluster and --archive")
         outcomes = limits_outcomes(data, question, where)
         answers = {job.run: outcome for job, outcome in outcomes}
         return [job for job, _ in outcomes], lambda jobs: ((job, answers[job.run]) for job in jobs)

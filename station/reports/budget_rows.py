@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from station.documents.result import BudgetRow, MetricValue
 from station.reports.metric_sides import side_rows
-from station.reports.result_text import figure_text, metric_name, number, uncertainty_text, unit_text
+from station.reports.result_text import COVERAGE, figure_text, metric_name, number, uncertainty_text, unit_text
 
 BUDGET_HEADS = ("source", "distribution", "u", "sensitivity", "contribution", "share")
 
@@ -17,9 +17,6 @@ LEAST_SHARE = 0.005
 
 DIGITS = 4
 """Digits of the figures: two more than U is printed with, so that U can be computed again from them."""
-
-COVERAGE = 2.0
-"""Coverage factor of results that do not state it."""
 
 OF_BACKLASH = "grade"
 """Metric whose budget is that of another quantity: of the backlash that the grade is read off, in arcmin."""

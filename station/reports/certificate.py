@@ -20,7 +20,7 @@ from station.records.run_record import RunRecord
 from station.records.seal import is_sealed
 from station.reports.headline import badges
 from station.reports.metric_sides import side_rows
-from station.reports.result_text import guarded_text, limits_text, minus, number, plus_minus, unit_text
+from station.reports.result_text import coverage_text, guarded_text, limits_text, minus, number, plus_minus, unit_text
 
 CODE_MM = 30.0
 """Side of the square: its modules are then above half a millimetre, which every scanner reads."""
@@ -57,7 +57,10 @@ class JudgedRow:
 
 @dataclass(frozen=True)
 class Certificate:
-    """What the page says. facts: name and text. code: of the run, as the square has it."""
+    """What the page says. facts: name and text. uncertainty: U with its k, as heads of columns say it.
+
+    code: of the run, as the square has it.
+    """
 
     title: str
     maker: tuple[str, ...]
@@ -65,6 +68,7 @@ class Certificate:
     badges: tuple[str, ...]
     facts: tuple[tuple[str, str], ...]
     rows: tuple[JudgedRow, ...]
+    uncertainty: str
     code: str
 
 
@@ -86,6 +90,7 @@ def certificate_of(run: RunRecord, result: Result) -> Certificate | None:
         badges=tuple(badges(result)),
         facts=_facts(heads, manifest, result),
         rows=tuple(_row(side, result) for one in result.metrics if one.limits for side in side_rows(one)),
+        uncertainty=coverage_text(result.metrics),
         code=code_of(run),
     )
 

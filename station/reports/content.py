@@ -23,7 +23,7 @@ from station.documents.manifest import MASTER
 from station.documents.result import CheckValue, MetricValue, Result, StageRow
 from station.records.run_record import RunRecord
 from station.reports.budget_rows import BudgetTable, budget_tables
-from station.reports.result_text import figure_text, metric_name, minus
+from station.reports.result_text import COVERAGE, coverage_factor, coverage_text, figure_text, metric_name, minus
 from station.reports.timing_tables import TimingTables, timing_proof, timing_tables
 from station.reports.torque_ratio_rows import calibration_rows, line_rows, lines_title, ratio_csv
 from station.results.evaluation import method_of, newest_calibration
@@ -98,20 +98,27 @@ def uncertainty_kind(metrics: Sequence[MetricValue]) -> str:
     budgeted = [one for one in known if one.uncertainty_kind in WITH_FIGURES and one.budget]
     none = f" No U: {NO_U}." if len(known) < len(metrics) else ""
     if not budgeted:
-        return f"{U_TEXT} of the scatter within this run only, without the sensors.{none}"
+        return f"{_u_text(known)}. It has the scatter within this run only, no errors of the sensors.{none}"
     holds = WITH_FIGURES["untimed" if "untimed" in kinds else "budget"]
     others = [metric_name(one) for one in known if one not in budgeted]
     scatter = f" Scatter within this run only: {', '.join(others)}." if others else ""
-    return f"{U_TEXT}{holds}.{scatter}{none}"
+    return f"{_u_text(known)}.{holds}{scatter}{none}"
 
 
-U_TEXT = "± is the expanded uncertainty U (k = 2)"
+def _u_text(metrics: Sequence[MetricValue]) -> str:
+    """Say with which k the uncertainties are stated, and why, where it is not the usual one."""
+    interrupted = f"; {INTERRUPTED}" if coverage_factor(metrics) > COVERAGE else ""
+    return f"± is the expanded uncertainty {coverage_text(metrics)}{interrupted}"
 
-NO_U = "needs two cycles or an uncertainty budget, and sensor errors small enough for the metric"
+
+INTERRUPTED = "a ramp was interrupted"
+"""Why U is stated with a larger k."""
+
+NO_U = "U needs two cycles or an uncertainty budget, and sensor errors small enough for the metric"
 
 WITH_FIGURES = {
     "budget": "",
-    "untimed": ", without delay and drift: the trace has no time column",
+    "untimed": " U has no contribution of delay and drift, because the trace has no time column.",
 }
 """Kinds of an uncertainty that comes from sensor specifications, and what it leaves out."""
 

@@ -85,9 +85,12 @@ def export_run(run: RunRecord, file_format: str, path: Path, locale: str = "en")
     # A run that was cut off has half a record at its end; anything else is damage and must not leave as a measurement.
     damage = [problem for problem in read_back.problems if "after the last complete record" not in problem]
     if damage:
-        raise RecordError(f"{run.id}: {damage[0]}; a damaged record is not exported. Restore the run from a backup")
+        raise RecordError(
+            f"run {run.id} cannot be exported, because its record is damaged: {damage[0]}. Restore the run from a "
+            "backup"
+        )
     if not read_back.records:
-        raise StationError(f"{run.id}: the run has no records: nothing was measured. Choose another run")
+        raise StationError(f"run {run.id} cannot be exported: it has no records. Choose another run")
     table = table_of(content, layout)
     measured, note = for_analysis(run, table)
     columns = columns_of(table, run.manifest().period_ns, measured)

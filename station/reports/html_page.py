@@ -44,8 +44,8 @@ PICTURES: dict[str, str] = {
     "loop.png": "Wind-up over torque: every sample, the rising and falling branches and the mean curve",
     "time.png": "Torque and angle of the locked shaft over time, with the states of the run and its alarm",
     "stiffness.png": "Stiffness over torque, with the stiffness metrics drawn in",
-    "residuals.png": "Residuals of the fits",
-    "timing.png": "Histograms of wake-up latency and work of the scans",
+    "residuals.png": "Residuals of the fits: measured values minus fitted lines",
+    "timing.png": "Histograms of the scan cycles: wake-up latency and computing time",
 }
 """What each picture of a run shows, for readers that do not see it."""
 
@@ -53,9 +53,9 @@ FIRST = ("loop.png", "time.png")
 """Pictures that stand before the metrics; the others stand where they are explained."""
 
 RULES = {
-    "simple": "Simple acceptance: the measured value is compared with the limit; U is ignored.",
-    "guard_band": "Guard band w = r·U: PASS at least w inside the limits, FAIL at least w outside, NOT DECIDABLE "
-    "between.",
+    "simple": "Simple acceptance: the measured value is compared with the limit; its uncertainty U is ignored.",
+    "guard_band": "Guard band w = r·U (U: expanded uncertainty): PASS at least w inside the limits, FAIL at least w "
+    "outside, NOT DECIDABLE between.",
 }
 
 

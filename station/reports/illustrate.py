@@ -63,10 +63,10 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         files = {name: (record.folder / name).read_text(encoding="utf-8") for name in ("recipe.yaml", "bench.yaml")}
         events = [document_in(EventRow, line, record.folder / EVENTS) for line in lines]
     except RecordError as error:
-        raise RecordError(f"{record.folder}: the report cannot be made: {error}") from error
+        raise RecordError(f"{record.folder}: the report of this run cannot be made: {error}") from error
     except (OSError, ValueError) as error:
         raise RecordError(
-            f"{record.folder}: the report cannot be made: {error}. Restore the run from a backup"
+            f"{record.folder}: the report of this run cannot be made: {error}. Restore the run from a backup"
         ) from error
     content = content_of(record, shown.result, shown.analysis, shown.job)
     conditions = conditions_of(table, shown.job.program)

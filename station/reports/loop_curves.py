@@ -90,7 +90,9 @@ def loop_curves(run: RunRecord) -> LoopCurves:
             return _of_samples(run, shown, method, places)
     except (RecipeError, KeyError, TypeError, AttributeError, ValueError) as error:
         what = " ".join(str(error).split())
-        raise RecordError(f"{run.id}: its loop cannot be drawn: {what}. Restore the run from a backup") from error
+        raise RecordError(
+            f"run {run.id}: its loop of torque and angle cannot be drawn: {what}. Restore the run from a backup"
+        ) from error
     curves = shown.analysis.curves
     cycles = zip(curves.forward, curves.backward, strict=True)
     lines = []

@@ -32,8 +32,8 @@ def shown_of(run: RunRecord) -> Shown:
         job = stored_job(run)
     except RecipeError as error:
         raise RecordError(
-            f"{run.id}: the report cannot be made: its recipe or bench file cannot be read: {error}. Restore the run "
-            "from a backup"
+            f"run {run.id}: the report cannot be made: the recipe or bench file of the run cannot be read: {error}. "
+            "Restore the run from a backup"
         ) from error
     return Shown(job, result, None)
 
@@ -50,7 +50,8 @@ def made_report(run: RunRecord, *, keep: bool) -> tuple[bytes, bytes]:
     except (KeyError, TypeError, AttributeError, ValueError, TemplateError) as error:
         what = " ".join(str(error).split())
         raise RecordError(
-            f"{run.id}: the report cannot be made, because its record is damaged: {what}. See 'lostmotion show'"
+            f"run {run.id}: the report cannot be made, because the record is damaged: {what}. Restore the run from a "
+            "backup"
         ) from error
 
 
@@ -75,5 +76,8 @@ def loop_of(run: RunRecord) -> bytes:
     refuse_doubtful(run)
     analysis = shown_of(run).analysis
     if analysis is None:
-        raise RecordError(f"{run.id}: has no complete loop: it was not evaluated. See 'lostmotion show {run.id}'")
+        raise RecordError(
+            f"run {run.id} was not evaluated, so it has no loop of torque and angle. For the reason, run: lostmotion "
+            f"show {run.id}"
+        )
     return loop_csv(analysis)

@@ -13,6 +13,9 @@ from station.documents.result import DecisionRule, Limits, MetricValue
 VERDICT_STYLES = {"PASS": "bold white on green", "FAIL": "bold white on red", "NOT DECIDABLE": "bold black on yellow"}
 """How a verdict is written in a terminal."""
 
+COVERAGE = 2.0
+"""The k of an uncertainty whose record does not say it."""
+
 NO_UNCERTAINTY = "no uncertainty: needs two cycles"
 
 REASON = re.compile(r"(?P<invalid>measurement invalid: )?(?P<id>\w+)(?P<side>, side [+-])?: ")
@@ -107,6 +110,16 @@ def uncertainty_text(metric: MetricValue) -> str:
     if metric.uncertainty is None:
         return NO_UNCERTAINTY if metric.value is not None and metric.cycles == 1 else ""
     return plus_minus(metric.uncertainty)
+
+
+def coverage_factor(metrics: Sequence[MetricValue]) -> float:
+    """Return the k of the uncertainties of a run: the largest; that of records of before, which do not say it, too."""
+    return max((one.coverage_factor or COVERAGE for one in metrics), default=COVERAGE)
+
+
+def coverage_text(metrics: Sequence[MetricValue]) -> str:
+    """Return `U (k = 2)` with the k of a run."""
+    return f"U (k = {coverage_factor(metrics):g})"
 
 
 def plus_minus(uncertainty: float) -> str:

@@ -102,15 +102,15 @@ def timing_line(timing: Timing) -> str:
     scans, missed = timing.scans, timing.missed
     clock = clock_of(timing.clock)
     if clock == VIRTUAL:
-        return f"{scans} scans of {timing.period_ns / 1e6:g} ms in virtual time"
+        return f"{scans} scan cycles of {timing.period_ns / 1e6:g} ms in virtual time"
     if clock == SCAN:
-        return f"{scans} scans of {timing.period_ns / 1e6:g} ms, clock: scan, {pace_text(timing.pace or Pace())}"
+        return f"{scans} scan cycles of {timing.period_ns / 1e6:g} ms, scan clock, {pace_text(timing.pace or Pace())}"
     late, work = timing.lateness_us, timing.work_us
     share = missed / max(scans + missed, 1)
     return (
-        f"{scans} scans of {timing.period_ns / 1e6:g} ms, {missed} missed ({share:.3%}), "
-        f"wake-up latency {late.p50:.0f} µs typical, {late.p99:.0f} µs p99, {late.max:.0f} µs worst, "
-        f"work {work.p50:.0f} µs, oldest sample {timing.oldest_sample_scans} scans"
+        f"{scans} scan cycles of {timing.period_ns / 1e6:g} ms, {missed} missed ({share:.3%}), "
+        f"wake-up latency {late.p50:.0f} µs typical, {late.p99:.0f} µs in 99 % of cycles, {late.max:.0f} µs worst, "
+        f"computing time {work.p50:.0f} µs, oldest sample {timing.oldest_sample_scans} cycles"
     )
 
 
@@ -120,10 +120,10 @@ def pace_text(pace: Pace) -> str:
         return "as fast as possible: no deadlines"
     stretched = pace.stretched
     if not stretched:
-        return "no period stretched"
-    periods = "1 period" if stretched == 1 else f"{stretched} periods"
+        return "no cycle lengthened"
+    cycles = "1 cycle" if stretched == 1 else f"{stretched} cycles"
     total_ms, longest_ms = 1e3 * pace.stretched_s, 1e3 * pace.longest_s
-    return f"{periods} stretched: {total_ms:.0f} ms in total, {longest_ms:.0f} ms at most"
+    return f"{cycles} lengthened: {total_ms:.0f} ms in total, {longest_ms:.0f} ms at most"
 
 
 def proof_of(result: Result) -> Timing | None:

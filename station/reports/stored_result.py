@@ -68,11 +68,13 @@ def refuse_doubtful(run: RunRecord) -> None:
     """
     manifest = run.manifest()
     if not is_sealed(manifest):
-        raise RecordError(f"{run.id}: not concluded yet, so there is no result. Run 'lostmotion conclude {run.id}'")
+        raise RecordError(
+            f"run {run.id} is not concluded yet, so there is no result. Run 'lostmotion conclude {run.id}'"
+        )
     doubts = [*alterations(run), *check_samples(run, manifest.records).problems]
     if doubts:
         raise RecordError(
-            f"{run.id}: the record was altered, so its verdict does not count: {doubts[0]}. Restore the "
+            f"run {run.id}: the record was altered, so its verdict does not count: {doubts[0]}. Restore the "
             "run from a backup"
         )
 

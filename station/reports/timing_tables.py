@@ -132,4 +132,4 @@ def _more(proof: Timing, shown: int) -> str:
     if count <= shown:
         return ""
     first = f", which has the first {kept}" if count > kept else ""
-    return f"and {count - shown} more, in timing.json{first}"
+    return f"{count - shown} more gaps are in timing.json{first}"

@@ -86,11 +86,11 @@ def _stored_text(stored: Calibration, bench: Bench) -> str:
     ]
     if stored.units:
         serials = ", ".join(unit.serial for unit in stored.units)
-        parts.append(f"mean of {len(stored.units)} units ({serials}), the line of each unit is in bench.yaml")
+        parts.append(f"mean of {len(stored.units)} units ({serials}), the fitted line of each is in bench.yaml")
     if stored.transition_rad is None:
-        parts.append("samples after a reversal are left out, because no transition was stored")
+        parts.append("samples after a reversal are left out, because no transition after a reversal was stored")
     else:
-        parts.append(f"transition {stored.transition_rad:.4g} rad at the input")
+        parts.append(f"transition after a reversal {stored.transition_rad:.4g} rad at the input")
     lines = [getattr(stored, name) for name in QUADRANTS]
     if any(line.u_slope is None or line.u_offset_nm is None for line in lines):
         parts.append(ASSUMED)

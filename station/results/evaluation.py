@@ -129,8 +129,8 @@ def newest_calibration(recipe: Recipe, bench: Bench) -> Calibration:
     newest = bench.newest_calibration(model)
     if newest is None:
         raise StationError(
-            f"bench {bench.bench.name}: no stored calibration for {model}. Measure one, or "
-            "write 'measured' in the recipe",
+            f"bench {bench.bench.name}: no stored calibration of the torque ratio for {model}. Calibrate on this "
+            "bench and enter the result in its file, or write 'calibration: measured' in the recipe",
         )
     return newest
 
@@ -180,7 +180,7 @@ def trace_of(
     """
     kept = table[evaluated(table)]
     if not len(kept):
-        raise StationError(f"{source}: the run ended before anything was measured. Measure the unit again")
+        raise StationError(f"run {source} ended before anything was measured. Measure the unit again")
     measured: Channels = {**measured_channels(kept, bench)}
     return Trace(
         t_s=kept["scan"] * (period_ns * 1e-9),

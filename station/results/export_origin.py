@@ -121,8 +121,8 @@ class Origin:
         run, state = self.run.id, self.run.state
         if state != "complete":
             raise StationError(
-                f"{self.file}: exported from run {run}, which ended as {state}: it has no complete trace to evaluate. "
-                f"See 'lostmotion show {run}'",
+                f"{self.file}: this file was exported from run {run}, which ended as {state}: it has no complete trace "
+                f"to evaluate. See 'lostmotion show {run}'",
             )
 
     def check_recipe(self, recipe: Recipe, recipe_file: Path) -> None:
@@ -181,15 +181,18 @@ def origin_of(file: Path, trace: Trace) -> Origin | None:
         run = of_plain(ExportedRun, found, file)
     except RecordError as error:
         what = str(error).removeprefix(f"{file}: is damaged: ").removesuffix(f". {NEXT_STEP}")
-        raise StationError(f"{file}: its description of the run is damaged ({what}). Export the run again") from error
+        raise StationError(
+            f"{file}: the description of the run in this file is damaged ({what}). Export the run again"
+        ) from error
     if run.trace is None:
         raise StationError(
-            f"{file}: exported from run {run.id} without its trace: nothing was measured, or an older version wrote "
-            "it. Export the run again",
+            f"{file}: this file of run {run.id} has no trace: nothing was measured, or an older version wrote the "
+            "file. Export the run again",
         )
     if run.recorded is None:
         raise StationError(
-            f"{file}: its description of the run is damaged (the section recorded is missing). Export the run again"
+            f"{file}: the description of the run in this file is damaged (the section 'recorded' is missing). Export "
+            "the run again"
         )
     return Origin(file, run, run.recorded, changed=run.trace != fingerprint_of(trace))
 

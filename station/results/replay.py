@@ -209,9 +209,9 @@ def _disorder(expected: int, found: int, rest: list[int]) -> str:
 
     """
     if found < expected:
-        return f"record {found} is there twice, in place of record {expected}: the file was changed"
+        return f"record {found} is repeated in the place of record {expected}: the file was changed"
     if any(expected <= number < found for number in rest):
-        return f"found record {found} in the place of record {expected}: the order is wrong, the file was changed"
+        return f"record {found} is in the place of record {expected}, which comes later: the file was changed"
     last = found - 1
     missing = f"record {expected} is" if last == expected else f"records {expected} to {last} are"
     return f"{missing} missing: the record buffer was full, or the file was changed"

@@ -88,12 +88,12 @@ def complete_run(run: RunRecord) -> RunAnalysis:
     state = run.state()
     if state != "complete":
         raise StationError(
-            f"{run.id}: the run ended as {state}: it has no complete trace to evaluate. Measure the unit again"
+            f"run {run.id} ended as {state}: it has no complete trace to evaluate. Measure the unit again"
         )
     altered = alterations(run)
     if altered:
         raise StationError(
-            f"{run.id}: record altered: {altered[0]}; the run was not evaluated. Restore it from a backup"
+            f"run {run.id} was not evaluated, because its record was altered: {altered[0]}. Restore it from a backup"
         )
     job = stored_job(run)
     trace, result = evaluate_run(run, job.recipe, job.bench)

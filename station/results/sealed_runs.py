@@ -33,8 +33,8 @@ def sealed_since(data: Path, offset: int) -> tuple[list[Fields], int]:
         return [fields for fields in entries if fields.get("kind") == SEALED], offset + end
     except (ValueError, AttributeError):
         raise StationError(
-            f"{data / CHAIN}: has no whole line behind byte {offset}. Restore it from a backup: no results are sent "
-            "until then"
+            f"{data / CHAIN}: a line after byte {offset} is damaged. Restore this file from a backup: no results are "
+            "sent until then"
         ) from None
 
 
@@ -54,7 +54,8 @@ def _content(data: Path, offset: int) -> bytes:
         with (data / CHAIN).open("rb") as file:
             if file.seek(0, 2) < offset:
                 raise StationError(
-                    f"{data / CHAIN}: is shorter than before. Restore it from a backup: no results are sent until then"
+                    f"{data / CHAIN}: this file is shorter than before. Restore it from a backup: no results are sent "
+                    "until then"
                 )
             file.seek(offset)
             return file.read()

@@ -32,12 +32,12 @@ def check_recipe_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: str) 
         )
     if recipe.loading != own.loading:
         raise StationError(
-            f"{recipe_file}: loading: found {recipe.loading}; run {run} was loaded at its {own.loading}. "
+            f"{recipe_file}: loading: found {recipe.loading}; in run {run} the {own.loading} shaft was loaded. "
             f"Choose a recipe with loading: {own.loading}",
         )
     ratio, was_ratio = recipe.unit_under_test.ratio, own.unit_under_test.ratio
     if ratio != was_ratio:
         raise StationError(
-            f"{recipe_file}: unit_under_test.ratio: found {ratio:g}; run {run} measured a {was} of {was_ratio:g}. "
-            "One model has one ratio: correct the recipe that is wrong",
+            f"{recipe_file}: unit_under_test.ratio: found {ratio:g}; run {run} measured a {was} with ratio "
+            f"{was_ratio:g}. One model has one ratio: correct the recipe that is wrong",
         )

@@ -53,6 +53,6 @@ def torque_unit_hint(trace: Trace, recipe: Recipe) -> str:
     if not near:
         return ""
     return (
-        f"the largest torque is {share:.3g} of the planned {max(planned):.4g} N·m, as if torque_out_nm were in "
-        f"{near[0]} ({TORQUE_UNITS[near[0]]:.4g} {near[0]} are 1 N·m): check the unit of the column"
+        f"the largest torque is {share:.3g} times the planned {max(planned):.4g} N·m, as if the column torque_out_nm "
+        f"were in {near[0]} ({TORQUE_UNITS[near[0]]:.4g} {near[0]} are 1 N·m): check the unit of this column"
     )

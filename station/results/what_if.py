@@ -156,7 +156,8 @@ def tare_changes(table: Table, own: Program, other: Program) -> list[str]:
         allowed_nm = getattr(other.tare, f"{channel}_zero_nm")
         if abs(zero_nm) > allowed_nm and abs(zero_nm) <= getattr(own.tare, f"{channel}_zero_nm"):
             changes.append(
-                f"the zero of {channel} is {zero_nm:.4g} N·m, the other recipe allows at most {allowed_nm:.4g} N·m"
+                f"the zero offset of {channel} is {zero_nm:.4g} N·m, the other recipe allows at most "
+                f"{allowed_nm:.4g} N·m"
             )
     return changes
 

@@ -126,7 +126,7 @@ def _start_serving(  # noqa: PLR0917 - a process, and what is done while it star
     except ValueError:
         stop(process)
         last = log.read_text(errors="replace").strip().splitlines()[-3:]
-        raise BenchFaultError(f"the {name} did not start: {' '.join(last) or 'it said nothing'}") from None
+        raise BenchFaultError(f"process {name} did not start: {' '.join(last) or 'no message'}. Run again") from None
     return process, ports
 
 

@@ -65,7 +65,7 @@ class NextRun:
                     command, stdin=stdin, stdout=stdout, stderr=stderr, start_new_session=self._own_session
                 )
         except OSError as error:
-            raise StationError(f"the run cannot be started: {error.strerror}") from error
+            raise StationError(f"the run cannot be started: {error.strerror}. Try again") from error
 
     def close(self) -> None:
         """End what waits; a run that was started goes on."""

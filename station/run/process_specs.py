@@ -101,7 +101,8 @@ def compiled(job: Job, program: Path, ports: Ports | None, *, waits: bool = Fals
     content = as_json(plain(job.program))
     if exact(Program, json.loads(content), unlimited=True) != job.program:
         raise StationError(
-            f"{program}: the scan process cannot take the steps of this recipe. Report it with the recipe"
+            f"file {program}: the steps of this recipe cannot be passed on to the scan process. Report this error with "
+            "the recipe"
         )
     return Compiled(
         program=str(program),

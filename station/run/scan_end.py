@@ -24,7 +24,9 @@ SCAN_LOG = "scan-process.log"
 LAST_WORDS_S = 0.6
 """Time for the virtual drive to notice a dead controller and to say so before it is switched off."""
 
-LOST_IN_THE_MIDDLE = "The scan process was lost during the run: treat the unit as wound up"
+LOST_IN_THE_MIDDLE = (
+    "The scan process ended during the run. The unit may still be under torque: keep clear of its shafts"
+)
 
 
 def outcome_of(
@@ -87,5 +89,5 @@ def what_waits(run_id: str, error: RecordError, ring: RingReader) -> str:
     )
     return (
         f"{error}. {row_of(state).ended or LOST_IN_THE_MIDDLE}; {waits}. When the disk works again, 'lostmotion "
-        f"conclude {run_id}' completes the record; do it before this computer is switched off"
+        f"conclude {run_id}' completes the record. Do this before this computer is switched off"
     )

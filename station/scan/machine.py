@@ -13,8 +13,8 @@ from station.scan.realtime import CAP_IPC_LOCK, CAP_SYS_NICE, FIFO_PRIORITY, has
 
 PRIVILEGE = "privilege"
 MEND_PRIVILEGE = (
-    f"in /etc/security/limits.d: '@bench - rtprio {FIFO_PRIORITY}' and '@bench - memlock unlimited'; for a container: "
-    "--cap-add SYS_NICE --cap-add IPC_LOCK"
+    f"write into /etc/security/limits.d: '@bench - rtprio {FIFO_PRIORITY}' and '@bench - memlock unlimited'; for a "
+    "container, add --cap-add SYS_NICE --cap-add IPC_LOCK"
 )
 
 

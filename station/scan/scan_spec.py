@@ -94,7 +94,10 @@ def told(arguments: list[str], kind: type[SpecT]) -> SpecT:
 
     """
     if len(arguments) != 3:
-        raise SpecError(f"found {len(arguments) - 1} arguments; allowed are two: SHA256 SPEC.json")
+        raise SpecError(
+            f"scan process: found {len(arguments) - 1} arguments; allowed are two: SHA256 SPEC.json. Start runs with "
+            "'lostmotion run'"
+        )
     return _exact(kind, Path(arguments[2]), arguments[1])
 
 
@@ -113,16 +116,18 @@ def _exact(kind: type[SpecT], path: Path, sha256: str, *, unlimited: bool = Fals
     found = hashlib.sha256(content).hexdigest()
     if found != sha256:
         raise SpecError(
-            f"{path}: was changed after it was checked: found SHA-256 {found}; allowed is {sha256}. {NEXT_STEP}"
+            f"file {path} was changed after it was checked: found SHA-256 {found}; allowed is {sha256}. {NEXT_STEP}"
         )
     try:
         data: Any = json.loads(content)
         return exact(kind, data, unlimited=unlimited)
     except InexactError as error:
         texts = "; ".join(error.problems[:3])
-        raise SpecError(f"{path}: is not a {kind.__name__} of this version: {texts}. {NEXT_STEP}") from error
+        raise SpecError(
+            f"file {path} holds no {kind.__name__} of this program version: {texts}. {NEXT_STEP}"
+        ) from error
     except ValueError as error:
-        raise SpecError(f"{path}: found no JSON: {error}. {NEXT_STEP}") from error
+        raise SpecError(f"file {path} holds no valid JSON: {error}. {NEXT_STEP}") from error
 
 
 def _content(path: Path) -> bytes:
@@ -130,4 +135,4 @@ def _content(path: Path) -> bytes:
         with open_file(path) as file:
             return file.read()
     except OSError as error:
-        raise SpecError(f"{path}: cannot be read: {error.strerror or error}. {NEXT_STEP}") from error
+        raise SpecError(f"file {path} cannot be read: {error.strerror or error}. {NEXT_STEP}") from error

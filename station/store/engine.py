@@ -18,8 +18,8 @@ from station.store.plant.months import make_rest
 from station.store.plant.sizes import tell_sizes
 from station.store.tables import METADATA, RUNS
 
-ACTION = "Check that the database runs and that this user may write it"
-HEAD = "0006"
+ACTION = "Check that the database is running and that this user may write to it"
+HEAD = "0007"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"
@@ -117,8 +117,8 @@ def _refuse_long(connection: Connection, place: StorePlace, version: str) -> Non
     beyond = text(f"SELECT 1 FROM {RUNS.name} LIMIT 1 OFFSET {FEW_RUNS}")  # noqa: S608 - constants
     if connection.execute(beyond).first() is not None:
         raise StoreError(
-            f"{place.shown}: has tables of version {version} with more than {FEW_RUNS} runs, and bringing them to "
-            f"version {HEAD} takes minutes, which no run waits for. Do it with 'lostmotion store rebuild'"
+            f"{place.shown}: the store of runs has tables of the older version {version} and more than {FEW_RUNS} "
+            f"runs. To update it to version {HEAD} takes minutes. Do that with 'lostmotion store rebuild'"
         )
 
 
@@ -140,8 +140,8 @@ def upgrade(connection: Connection, place: StorePlace, version: str | None) -> N
     known = {script.revision for script in ScriptDirectory.from_config(config).walk_revisions()}
     if version is not None and version not in known:
         raise StoreError(
-            f"{place.shown}: has tables of version {version}; this program knows up to {HEAD}. Use the newer program, "
-            "or name another store"
+            f"{place.shown}: the store of runs has tables of version {version}; this program knows up to {HEAD}. Use a "
+            "newer lostmotion, or name another store with --store"
         )
     command.upgrade(config, "head")
 

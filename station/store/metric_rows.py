@@ -8,6 +8,8 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterator
+from itertools import groupby
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, and_, func, select
@@ -62,9 +64,6 @@ class MetricRow(NamedTuple):
     limit_max: float | None
 
 
-MOST_SIDES = 100
-"""Rows that the sides of one run's metric are looked for in: two sides, and what a recipe asks of the metric again."""
-
 OF_THE_RUN = MetricRow._fields[: MetricRow._fields.index("position")]
 
 
@@ -77,14 +76,9 @@ def metric_rows(view: View, metric: str, recipe: str | None, serial: str | None)
     # By the run alone, in which the rows lie already; those of one run are put in order here.
     with view.database.reading() as connection:
         rows = connection.execute(asked.order_by(RUNS.c.run)).all()
-    group: list[MetricRow] = []
-    for row in map(MetricRow._make, rows):
-        if group and group[0].run != row.run:
-            yield group if len(group) == 1 else sorted(group, key=_position)
-            group = []
-        group.append(row)
-    if group:
-        yield sorted(group, key=_position)
+    for _, group in groupby(map(MetricRow._make, rows), attrgetter("run")):
+        of_run = list(group)
+        yield of_run if len(of_run) == 1 else sorted(of_run, key=_position)
 
 
 def runs_that_do_not_count(view: View, recipe: str | None, serial: str | None) -> list[RunThatDoesNotCount]:
@@ -138,14 +132,12 @@ def values_beside(view: View, metric: str, sides: Collection[str]) -> dict[str, 
 
 def sides_of(view: View, metric: str, recipe: str | None, serial: str | None) -> tuple[str, ...]:
     """Return the sides that the newest run with the metric has of it; none where no run has it."""
+    of_metric = (METRICS.c.chain == view.chain.id) & (METRICS.c.metric == metric)
+    newest = select(func.max(METRICS.c.run)).where(of_metric)
+    asked_for = [RUNS.c[name] == value for name, value in (("recipe", recipe), ("serial", serial)) if value is not None]
     together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
-    asked = select(METRICS.c.run, METRICS.c.side).select_from(RUNS).join(METRICS, together)
-    asked = asked.where(RUNS.c.chain == view.chain.id, METRICS.c.metric == metric)
-    if recipe is not None:
-        asked = asked.where(RUNS.c.recipe == recipe)
-    if serial is not None:
-        asked = asked.where(RUNS.c.serial == serial)
-    asked = asked.order_by(METRICS.c.run.desc(), METRICS.c.main.desc()).limit(MOST_SIDES)
+    newest = newest.select_from(METRICS).join(RUNS, and_(together, *asked_for))
+    sides = select(METRICS.c.side).where(of_metric & (METRICS.c.run == newest.scalar_subquery()))
     with view.database.reading() as connection:
-        rows = connection.execute(asked).all()
-    return tuple(dict.fromkeys(side for run, side in rows if run == rows[0][0]))
+        rows = connection.execute(sides.order_by(METRICS.c.main.desc(), METRICS.c.position)).scalars().all()
+    return tuple(dict.fromkeys(rows))

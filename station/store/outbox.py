@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
 
-from sqlalchemy import Connection, insert, select, update
+from sqlalchemy import Connection, delete, insert, select, update
 
 from station.records.chain.chain_file import Chain, folder_id
 from station.records.chain.problems import Problem
@@ -20,8 +20,9 @@ from station.records.chain.walk import Place, Walk, walk
 from station.records.run_record import MANIFEST, RunRecord
 from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
+from station.store.plant.removals import put_removals
 from station.store.projection import put_rows, remove_rows, rows_of
-from station.store.tables import PROJECTIONS, RUNS
+from station.store.tables import PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100
 """Runs that are put into the store at a time: they are kept together, and others may write between two batches."""
@@ -159,15 +160,20 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
         begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)
     limit = _end_of_batch(chain, begin.offset)
     found = walk(chain, begin, limit)
-    stored = _entries_there(connection, chain) if begin.offset == 0 else {}
+    named = list(dict.fromkeys((*found.created, *found.sealed)))
     if begin.offset == 0:
+        stored = _entries_there(connection, chain)
         remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
         remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
         put_archived(connection, chain)
+        connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
+    else:
+        stored = _entries_there(connection, chain, named)
+    put_removals(connection, chain, found.removed)
     runs = [
         RunRecord(chain.data / run)
-        for run in dict.fromkeys((*found.created, *found.sealed))
+        for run in named
         if run not in found.sealed or stored.get(run) != found.sealed[run][-1].sha256
     ]
     if len(runs) > FEW:
@@ -188,8 +194,10 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
     return read.sealed_behind(found.place.offset)
 
 
-def _entries_there(connection: Connection, chain: Chain) -> dict[str, str | None]:
-    rows = connection.execute(select(RUNS.c.run, RUNS.c.entry_sha256).where(RUNS.c.chain == chain.id))
+def _entries_there(connection: Connection, chain: Chain, runs: Collection[str] | None = None) -> dict[str, str | None]:
+    """Return the hash of the line that concluded each of these runs, as far as the store has it; None: of all."""
+    asked = select(RUNS.c.run, RUNS.c.entry_sha256).where(RUNS.c.chain == chain.id)
+    rows = connection.execute(asked if runs is None else asked.where(RUNS.c.run.in_(runs)))
     return dict(rows.tuples().all())
 
 

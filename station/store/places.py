@@ -87,8 +87,8 @@ def _checked(url: str) -> str:
         kind = network_type(file.parent)
         if kind:
             raise StationError(
-                f"--store {url}: is on a network mount ({kind}), where SQLite's locks do not hold. Name a file on a "
-                "local disk, or a PostgreSQL database: postgresql://USER@HOST/NAME"
+                f"--store {url}: this file is on a network drive ({kind}), where SQLite cannot lock it safely. Name a "
+                "file on a local disk, or a PostgreSQL database: postgresql://USER@HOST/NAME"
             )
         return url
     scheme, found, rest = url.partition("://")

@@ -20,7 +20,7 @@ from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
-from station.records.seal import alterations, is_sealed, sealed_names
+from station.records.seal import alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
 from station.store.plant.hours import COMPLETE, count_hours, hour_of, hours_of
@@ -129,8 +129,8 @@ def seen(path: str, folder: int | None = None) -> str:
 
 def seen_files(run: RunRecord) -> str:
     """Return the same of every file that the verdict rests on, as one hash."""
-    names = sealed_names(run)
-    text = "\n".join(f"{name}={seen(f'{run.folder}/{name}')}" for name in names)
+    there = ((name, seen(f"{run.folder}/{name}")) for name in names_to_seal(run))
+    text = "\n".join(f"{name}={found}" for name, found in there if found)
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 

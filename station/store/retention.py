@@ -80,7 +80,7 @@ class Rules(BaseModel):
         ids = [rule.id for rule in self.rules]
         twice = next((one for one in ids if ids.count(one) > 1), None)
         if twice is not None:
-            raise refusal(f"two rules {twice!r}", "each id once", "Rename one: removed runs name their rule by its id.")
+            raise refusal(f"two rules with the id {twice!r}", "each id once", "Give one of them another id.")
         return self
 
 
@@ -128,7 +128,7 @@ def load_rules(data: Path, named: Path | None = None) -> Rules:
     file = named or data / FILE
     if not file.is_file():
         raise StationError(
-            f"{file}: does not exist. Write the retention rules into this file, or name another file with --rules"
+            f"{file}: the file with the retention rules does not exist. Write it, or name another file with --rules"
         )
     return load_document(file, Rules)
 
@@ -174,11 +174,11 @@ def _newest(manifests: Mapping[str, Manifest]) -> set[str]:
 
 def _why_not(run: RunRecord, manifest: Manifest, newest: set[str]) -> str:
     if not is_sealed(manifest):
-        return "is not concluded"
+        return "the run is not concluded"
     if run.id in newest:
-        return "is the newest run of its bench or of its serial number"
+        return "this is the newest run of its bench or of its serial number"
     altered = alterations(run)
-    return f"has changed since it was sealed: {altered[0]}" if altered else ""
+    return f"the run has changed since it was sealed: {altered[0]}" if altered else ""
 
 
 def apply(
@@ -223,7 +223,7 @@ def _not_backed_up(data: Path, run: RunRecord, backed_up: Mapping[str, str]) -> 
     for path in _files(run):
         name = path.relative_to(data).as_posix()
         if backed_up.get(name) != fingerprint(path).sha256:
-            return f"{name} differs from the backup"
+            return f"the file {name} differs from the backup"
     return ""
 
 
@@ -247,4 +247,6 @@ def _remove(data: Path, run: RunRecord, one: Planned, person: str, files: Mappin
         shutil.rmtree(run.folder)
         sync_folder(data)
     except OSError as error:
-        raise RecordError(f"{run.folder}: cannot be removed: {error.strerror}. Remove it by hand") from error
+        raise RecordError(
+            f"{run.folder}: this folder cannot be removed: {error.strerror}. Remove it by hand"
+        ) from error

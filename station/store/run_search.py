@@ -16,6 +16,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.records.run_record import MANIFEST, RunRecord
 from station.store.outbox import catch_up, put_runs
+from station.store.plant.removals import removals_now
 from station.store.projection import seen, seen_files
 from station.store.stored_runs import StoredRun, Wanted, believed, meant, number_of, runs_named, values_of
 from station.store.tables import RUNS
@@ -66,16 +67,15 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
         changed = [run for run, row in rows.items() if now[run][0] and now[run] != (row.seen, row.seen_files)]
         if changed:
             put_runs(database, chain, changed)
-            with database.reading() as connection:
-                rows = runs_named(connection, chain, named)
+        trust = trust_of(chain)
+        gone = [run for run, (seen_now, _) in now.items() if not seen_now]
+        with database.reading() as connection:
+            rows = runs_named(connection, chain, named) if changed else rows
+            rules = removals_now(connection, chain, trust, gone, behind) if gone else {}
     finally:
         database.close()
-    trust = trust_of(chain)
-    removed = chain.removed() if any(not seen_now for seen_now, _ in now.values()) else {}
-    gone = {run: REMOVED_BY.format(line.fields["rule"]) for run, line in removed.items() if line.key in trust.keys}
-    shown = [
-        rows[run] if now[run][0] else rows[run]._replace(altered=gone.get(run, MISSING)) for run in named if run in rows
-    ]
+    why = {run: REMOVED_BY.format(rules[run]) if run in rules else MISSING for run in gone}
+    shown = [rows[run]._replace(altered=why[run]) if run in why else rows[run] for run in named if run in rows]
     return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind)
 
 

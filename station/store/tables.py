@@ -274,6 +274,14 @@ ARCHIVED = _of_a_chain(
 )
 """Where archived runs are: made again from `archive.jsonl` of the data folder. `sha256` is that of run.json."""
 
+REMOVALS = _of_a_chain(
+    "removals",
+    _key("run"),
+    Column("rule", Text, nullable=False),
+    Column("key", Text, nullable=False),
+)
+"""Runs whose records a rule of retention has removed: by which rule, and who signed the line that says so."""
+
 RUN_HOURS = _of_a_chain(
     "run_hours",
     *(_key(name) for name in ("hour", "bench", "recipe")),

@@ -11,11 +11,11 @@ import gc
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
-from typing import NamedTuple
 
 from sqlalchemy import Connection, select
 
@@ -29,6 +29,7 @@ from station.records.seal import is_sealed
 from station.store.engine import IN_MEMORY, Database, StoreError
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
+from station.store.plant.removals import removals
 from station.store.projection import seen, seen_files
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 
@@ -70,15 +71,22 @@ def without_collector() -> Iterator[None]:
 def look_at(data: Path) -> Iterator[View]:
     """Yield a view of a data folder; without a store that can be used, of a store in memory, which is said.
 
+    Who looks reads rows of many runs: until the end of the look Python does not search them for cycles.
+
     Raises:
         RecordError: the chain cannot be read.
 
     """
     chain = Chain(data)
+    with without_collector(), _view_of(data, chain) as view:
+        yield view
+
+
+@contextmanager
+def _view_of(data: Path, chain: Chain) -> Iterator[View]:
     try:
         database = opened(data)
-        with without_collector():
-            view = _looked(data, chain, database)
+        view = _looked(data, chain, database)
     except StoreError as error:
         warn(f"{error}. The run folders are read instead, which takes longer")
         database = Database(StorePlace(IN_MEMORY))
@@ -109,32 +117,26 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     catch_up(database, chain, told=_tell)
     folders = _folders(data)
     with database.reading() as connection:
-        stored = _stored(connection, chain)
-    changed, strays = _compared(chain, stored, folders)
+        stored, altered = _stored(connection, chain)
+        files = _files_of_newest(connection, chain, folders)
+    changed, strays = _compared(chain, stored, files, folders)
     gone = [] if chain.there else [run for run in stored if run not in folders]
     remove_runs(database, chain, gone)
     put_runs(database, chain, changed)
     view = View(data, chain, database, trust_of(chain))
     with database.reading() as connection:
-        stored = _stored(connection, chain) if changed or gone else stored
-        altered = _altered(connection, chain)
+        stored, altered = _stored(connection, chain) if changed or gone else (stored, altered)
         found = stored_walk(connection, chain)
-    absent = [run for run in stored if run not in folders]
-    lines = chain.removed() if absent else {}
-    removed = {run for run, line in lines.items() if line.key in view.trust.keys}
+        absent = [run for run in stored if run not in folders]
+        removed = set(removals(connection, chain, view.trust)) if absent else set()
     view.missing = [run for run in absent if run not in removed]
-    view.runs = sorted({*folders, *view.missing})
-    view.open = [run for run, row in stored.items() if row.seen is None and run in folders]
+    view.runs = sorted([*folders, *view.missing])
+    view.open = [run for run, was in stored.items() if was is None and run in folders]
     held: dict[str, str | None] = dict(zip(folders, folders, strict=True))
     held |= {name: _named_in(data, name) for name in {*changed, *strays, *altered} if name in folders}
     before, old_problems = runs_before(chain)
-
-    def about(run: str) -> str:
-        row = stored.get(run)
-        return "from before the chain" if row is None else f"attempt {row.attempt} of {row.serial}, {row.verdict}"
-
     known = {*stored, *before} if chain.there else set(folders)
-    named = folder_problems(data, known, held, about, removed)
+    named = folder_problems(data, known, held, _About(database, chain), removed)
     told = {problem.run for problem in named}
     view.problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, view.trust)]
     view.problems += [*old_problems, *named]
@@ -147,17 +149,36 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     return view
 
 
+class _About:
+    """Says of a run by what a person looks for it; the store is asked once, and only where a run is missing."""
+
+    def __init__(self, database: Database, chain: Chain) -> None:
+        self._database, self._chain = database, chain
+
+    def __call__(self, run: str) -> str:
+        return self._texts.get(run, "from before the chain")
+
+    @cached_property
+    def _texts(self) -> dict[str, str]:
+        together = (RUNS.c.chain == ATTEMPTS.c.chain) & (RUNS.c.run == ATTEMPTS.c.run)
+        asked = select(ATTEMPTS.c.run, ATTEMPTS.c.attempt, ATTEMPTS.c.serial, RUNS.c.verdict)
+        asked = asked.select_from(ATTEMPTS).outerjoin(RUNS, together).where(ATTEMPTS.c.chain == self._chain.id)
+        with self._database.reading() as connection:
+            rows = connection.execute(asked).all()
+        return {run: f"attempt {attempt} of {serial}, {verdict}" for run, attempt, serial, verdict in rows}
+
+
 def _tell(done: int, there: int) -> None:
     if there > LONG and (done == BATCH or done % (10 * LONG) == 0):
         warn(f"the store is behind by {there - done} runs: putting them in")
 
 
 def _folders(data: Path) -> dict[str, str]:
-    """Return every folder with a run.json, and what is seen of that file."""
+    """Return every folder with a run.json, in order, and what is seen of that file."""
     found = {}
     handle = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
     try:
-        for name in os.listdir(handle):  # noqa: PTH208 - as in `seen`
+        for name in sorted(os.listdir(handle)):  # noqa: PTH208 - as in `seen`
             stat = seen(f"{name}/{MANIFEST}", handle)
             if stat:
                 found[name] = stat
@@ -166,57 +187,57 @@ def _folders(data: Path) -> dict[str, str]:
     return found
 
 
-class Stored(NamedTuple):
-    """A run as the store has it; `verdict` and what was seen of its files are None where it was not concluded."""
+def _stored(connection: Connection, chain: Chain) -> tuple[dict[str, str | None], dict[str, list[str]]]:
+    """Return what was seen of the run.json of every run that was begun, and the alterations of those that have any.
 
-    run: str
-    serial: str
-    attempt: int
-    verdict: str | None
-    seen: str | None
-    seen_files: str | None
-
-
-def _stored(connection: Connection, chain: Chain) -> dict[str, Stored]:
-    """Return every run of the store that was begun, oldest first."""
-    together = (RUNS.c.chain == ATTEMPTS.c.chain) & (RUNS.c.run == ATTEMPTS.c.run)
-    columns = (ATTEMPTS.c.run, ATTEMPTS.c.serial, ATTEMPTS.c.attempt, RUNS.c.verdict, RUNS.c.seen, RUNS.c.seen_files)
-    asked = select(*columns).select_from(ATTEMPTS).outerjoin(RUNS, together).where(ATTEMPTS.c.chain == chain.id)
-    return {row[0]: Stored._make(row) for row in connection.execute(asked.order_by(ATTEMPTS.c.run)).all()}
+    None where a run was not concluded. Oldest first.
+    """
+    begun = select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id).order_by(ATTEMPTS.c.run)
+    concluded = select(RUNS.c.run, RUNS.c.seen, RUNS.c.altered).where(RUNS.c.chain == chain.id)
+    rows = connection.execute(concluded).all()
+    was = {run: seen_then for run, seen_then, _ in rows}
+    stored = {run: was.get(run) for run in connection.execute(begun).scalars().all()}
+    return stored, {run: text.splitlines() for run, _, text in rows if text}
 
 
-def _compared(chain: Chain, stored: dict[str, Stored], folders: dict[str, str]) -> tuple[list[str], list[str]]:
+def _files_of_newest(connection: Connection, chain: Chain, folders: Iterable[str]) -> dict[str, str]:
+    """Return what was seen of every file of the newest runs, where they are concluded."""
+    newest = list(folders)[-EVERY_FILE_OF:]
+    asked = select(RUNS.c.run, RUNS.c.seen_files).where(RUNS.c.chain == chain.id, RUNS.c.run.in_(newest))
+    return dict(connection.execute(asked).tuples().all())
+
+
+def _compared(
+    chain: Chain, stored: dict[str, str | None], files: dict[str, str], folders: dict[str, str]
+) -> tuple[list[str], list[str]]:
     """Return the runs that must go into the store anew, and the folders that are none of its runs.
 
     Runs from before the chain, which are in no entry of it, are found here.
     """
     before = runs_before(chain)[0] if chain.there else set(folders)
-    there = [(run, seen_now, stored[run].seen) for run, seen_now in folders.items() if run in stored]
-    changed = [run for run, seen_now, was in there if was is not None and was != seen_now]
-    for run in sorted(folders)[-EVERY_FILE_OF:]:
-        row = stored.get(run)
-        if row is not None and row.seen == folders[run] and row.seen_files != seen_files(RunRecord(chain.data / run)):
+    changed, strays = [], []
+    for run, seen_now in folders.items():
+        if run not in stored:
+            strays += [] if run in before else [run]
+        elif stored[run] not in (None, seen_now):
+            changed.append(run)
+    for run, was in files.items():
+        if stored.get(run) == folders[run] and was != seen_files(RunRecord(chain.data / run)):
             changed.append(run)
     new = [run for run in before if run in folders and _new(chain, run, stored)]
-    strays = [run for run in folders if run not in stored and run not in before]
     return [*changed, *new], strays
 
 
-def _new(chain: Chain, run: str, stored: dict[str, Stored]) -> bool:
+def _new(chain: Chain, run: str, stored: dict[str, str | None]) -> bool:
     """Whether a run from before the chain is not in the store yet, or was open when it came there and is no longer."""
     if run not in stored:
         return True
-    if stored[run].seen is not None or chain.there:
+    if stored[run] is not None or chain.there:
         return False
     try:
         return is_sealed(RunRecord(chain.data / run).manifest())
     except RecordError:
         return False
-
-
-def _altered(connection: Connection, chain: Chain) -> dict[str, list[str]]:
-    rows = connection.execute(select(RUNS.c.run, RUNS.c.altered).where(RUNS.c.chain == chain.id, RUNS.c.altered != ""))
-    return {run: text.splitlines() for run, text in rows.tuples()}
 
 
 def _named_in(data: Path, name: str) -> str | None:

@@ -21,7 +21,7 @@ MISSED_ALLOWED = 0.001
 MACHINE = "waking"
 """The cause of `CAUSES` that is not the scan's own."""
 
-HEAD = f"  {'rate':>9}{'missed':>10}{'work p99':>11}{'of period':>11}{'bench CPU':>11}{'bus':>7}   outcome"
+HEAD = f"  {'scan rate':>9} {'missed':>9} {'work p99':>10} {'of period':>10} {'bench CPU':>10} {'bus':>6}   outcome"
 
 
 class Rate(NamedTuple):

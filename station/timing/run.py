@@ -165,7 +165,9 @@ def _scanned(
     path = folder / "report.json"
     if not path.exists():
         said = (folder / "scan.log").read_text(encoding="utf-8", errors="replace").strip().splitlines()[-1:]
-        raise BenchFaultError(f"the measuring process {children.why_it_ended(process)}: {' '.join(said)}")
+        raise BenchFaultError(
+            f"the timing measurement failed: its process {children.why_it_ended(process)}. {' '.join(said)} Try again"
+        )
     report = read_document(ProcessReport, path)
     if report.scanned is None:
         raise BenchFaultError(report.error)

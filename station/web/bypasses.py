@@ -58,7 +58,7 @@ def add_bypass(connection: Connection, condition: str, name: str, reason: str, h
     if condition not in ALLOWED:
         raise BypassError(f"condition: found {condition[:40]!r}; allowed are {', '.join(ALLOWED)}")
     if not reason.strip() or not reason.isprintable():
-        raise BypassError("reason: is empty or not printable. Give the reason for the bypass")
+        raise BypassError("reason: found an empty or unprintable text. Give the reason for the bypass")
     end_bypass(connection, condition)
     found = Bypass(condition, name, reason.strip(), WALL_CLOCK.now().timestamp() + 3600.0 * hours)
     connection.execute(insert(BYPASSES).values(**found._asdict()))

@@ -141,7 +141,7 @@ class Evaluations:
             found: Future[Made] = self._submit(call, *asked)
             return found.result(LONGEST_S)
         except TimeoutError as error:
-            raise StationError("The server makes other reports first. Try again in a minute.") from error
+            raise StationError("The server is busy with other reports. Try again in a minute.") from error
         except BrokenProcessPool as error:
             self._end()
             raise StationError("The process that evaluates runs ended. Try again.") from error

@@ -154,7 +154,7 @@ def recipe_file(history: History, recipe: str) -> str:
     """Return the file of a recipe that the table of models names: of its newest released revision, where it has one."""
     found = history.newest_released(recipe)
     if found is None and any(name == recipe for name, _ in history.own):
-        raise RevisionError(f"{recipe} has no released revision. A second person releases its draft")
+        raise RevisionError(f"the recipe {recipe} has no released revision. A second person has to release its draft")
     return recipe if found is None or found.shipped else str(found.path)
 
 
@@ -219,8 +219,14 @@ def _previous_step_passed(one: Situation) -> str | None:
         return "The unit failed its previous process step, says the MES. Put it aside and call the shift leader."
     if not step.away:
         return "The MES has not said that the unit passed its previous process step. Call the shift leader."
-    silent = "was never heard" if step.silent_s is None else f"was last heard {step.silent_s:.0f} s ago"
-    return f"The MES {silent}, and has not said that the unit passed its previous process step. Hold the unit."
+    if step.silent_s is None:
+        return (
+            "The MES was never heard, and has not said that the unit passed its previous process step. Hold the unit."
+        )
+    return (
+        f"The MES was last heard {step.silent_s:.0f} s ago, and has not said that the unit passed its previous process "
+        "step. Hold the unit."
+    )
 
 
 def unverified_note(one: Situation) -> str | None:
@@ -249,8 +255,10 @@ def _recipe_released(one: Situation) -> str | None:
 def _bad_unit_put_away(one: Situation) -> str | None:
     if not one.unconfirmed:
         return None
-    bad = f"The unit of run {one.unconfirmed} is bad, or its record cannot be read."
-    return f"{bad} Put it into the NOK box and confirm that."
+    return (
+        f"The unit of run {one.unconfirmed} is bad, or its record cannot be read. Put it into the NOK box and confirm "
+        "that."
+    )
 
 
 def _label_read(one: Situation) -> str | None:
@@ -265,8 +273,10 @@ def _attempts_left(one: Situation) -> str | None:
     # A study says how often its units are measured, and is the reason for it.
     if one.model is None or one.is_master_part or one.wanted.study or _measured(one) < one.model.attempts:
         return None
-    measured = f"This unit was measured {_measured(one)} times ({_told(one.before)})"
-    return f"{measured}; {one.model.attempts} are allowed. Call the technician."
+    return (
+        f"This unit was measured {_measured(one)} times ({_told(one.before)}); {one.model.attempts} are allowed. Call "
+        "the technician."
+    )
 
 
 def _retest_reason(one: Situation) -> str | None:

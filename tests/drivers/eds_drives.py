@@ -72,6 +72,7 @@ EPOS4_LIKE = Drive(
     vendor=0x000000FB,
     product=0x12340000,
     objects=_cia402(
+        x1001=Entry("u8", "ro", "0"),
         x6007=Entry("i16", "rw", "1"),
         x6073=Entry("u16", "ro", "1100"),
         x60A9=Entry("u32", "rw", "0x00B44700"),
@@ -81,7 +82,10 @@ EPOS4_LIKE = Drive(
     transmit=((0x60410010,), (0x60410010, 0x60610008), (0x60410010, 0x60640020), (0x60410010, 0x606C0020)),
     transmit_subindices=(3,),
 )
-"""No 0x6072, 0x6087, 0x1400:5, 0x1006; 0x6073 limits the current; velocity in rpm; an inhibit time, no timer."""
+"""No 0x6072, 0x6087, 0x1400:5, 0x1006; 0x6073 limits the current; velocity in rpm; an inhibit time, no timer.
+
+0x1001 cannot be mapped.
+"""
 
 NANOTEC_LIKE = Drive(
     name="Nanotec like",

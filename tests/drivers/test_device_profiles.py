@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from drivers_support import PROFILES, can_profile, drive_profile, modbus_profile, raw_profile
+from eds_drives import DRIVES
 from pydantic import ValidationError
 
 READERS = {"cia402-drive": drive_profile, "modbus": modbus_profile, "can": can_profile}
@@ -83,3 +84,11 @@ def test_modbus_profile_mistakes(change: Callable[[Any], None], reason: str) -> 
     change(raw)
     with pytest.raises(ValidationError, match=reason):
         modbus_profile(raw)
+
+
+def test_the_shipped_profile_of_an_epos4_maps_only_what_such_a_drive_lets_map() -> None:
+    """By a public EDS of it the error register (0x1001) cannot be mapped: the set-up would end there."""
+    profile = drive_profile(raw_profile("maxon-epos4"))
+    mapped = [one.index for pdo in (*profile.receive_pdos, *profile.transmit_pdos) for one in pdo.objects]
+    assert mapped
+    assert [f"0x{index:04X}" for index in mapped if not DRIVES["epos4-like"].objects[index].mappable] == []

@@ -85,6 +85,21 @@ def test_two_amplifiers_of_swapped_floats_and_a_brake_that_is_a_coil(lostmotion,
     assert "angles: no identity" not in said
 
 
+def test_a_brake_that_is_an_output_of_the_remote_io(lostmotion, recipe, truth, tmp_path):
+    """One device on one connection: contacts by one profile, the coil of the brake by the other."""
+    folder = Path(shutil.copytree(BENCHES, tmp_path / "benches"))
+    bench = folder / "two-amplifiers.yaml"
+    text = bench.read_text(encoding="utf-8")
+    assert "port: 1503, unit_id: 2, profile: coil-brake" in text
+    text = text.replace("port: 1503, unit_id: 2, profile: coil-brake", "port: 1504, unit_id: 3, profile: coil-brake")
+    bench.write_text(text, encoding="utf-8")
+    result = run_on(lostmotion, recipe, "two-amplifiers", folder, seed=("--seed", "2"))
+    assert (result["verdict"], beyond_its_uncertainty(result, truth)) == ("PASS", [])
+    wires = result["timing"]["wires"]
+    assert min(wires["brake.replies"], wires["remote_io.replies"]) > 0.3 * result["timing"]["scans"]
+    assert wires["brake.timeouts"] == wires["remote_io.timeouts"] == wires["brake.strangers"] == 0
+
+
 def test_torques_and_angles_of_two_canopen_sensors(lostmotion, recipe, truth):
     """A transducer that sends every millisecond in its own time, and encoders that answer SYNC."""
     result = run_on(lostmotion, recipe, "can-sensors")

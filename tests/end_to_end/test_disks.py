@@ -206,7 +206,7 @@ def test_a_run_on_a_read_only_disk_is_reported_and_exported_elsewhere(disk, gold
     for words in (("report",), ("export", "--out", str(disk)), ("export", "--format", "csv", "--out", str(disk))):
         refused = here(words[0], "last", "--data", str(record.parent), *words[1:])
         assert refused.exit_code == 2, refused
-        assert "Read-only file system. Choose another --out" in refused.err
+        assert "Read-only file system. Choose another place with --out" in refused.err
     assert here("report", "last", "--data", str(record.parent), "--out", str(tmp_path / "out")).exit_code == 0
     assert (tmp_path / "out" / "report.html").is_file()
     out = tmp_path / "out.parquet"

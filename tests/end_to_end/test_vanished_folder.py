@@ -45,7 +45,7 @@ def test_a_run_whose_data_folder_vanishes_is_stopped_at_once(
     reader.close()
     assert ran.exit_code == 4, ran.err
     assert "stopping: the torque is brought to zero first" in ran.err
-    assert "was deleted, moved or replaced while it was written" in ran.err
+    assert "was deleted, moved or replaced while the program was writing it" in ran.err
     assert "the torque was brought to zero and the lock opened" in ran.err
     assert "Traceback" not in ran.err
     assert ring.exists(), "the folder may be put back"

@@ -83,11 +83,11 @@ def test_an_exit_that_nothing_provokes_is_said(monkeypatch, capsys):
     monkeypatch.setattr(command_exits, "ProcessPoolExecutor", ThreadPoolExecutor)
     monkeypatch.setattr(command_exits, "measure_exit", lambda _name: None)
     assert command_exits.exits(["abort"], None, 1, as_json=False) == 1
-    assert "0 of 1 exits measured; not measured, or outside their limits: abort" in capsys.readouterr().out
+    assert "0 of 1 shutdown paths measured; not measured, or outside their limits: abort" in capsys.readouterr().out
 
 
 def test_the_command_refuses_what_it_does_not_know(capsys):
     with pytest.raises(StationError, match=r"nonsense: .*lost_scan"):
         command_exits.exits(["nonsense"], None, 1, as_json=False)
     assert command_exits.exits(["abort"], None, 1, as_json=False) == 0
-    assert "1 of 1 exits measured; not measured, or outside their limits: none" in capsys.readouterr().out
+    assert "1 of 1 shutdown paths measured; not measured, or outside their limits: none" in capsys.readouterr().out

@@ -127,7 +127,7 @@ def test_the_command_and_the_page_have_every_row(capsys):
         (written,) = [line for line in page if line.startswith(f"| `{name}` |")]
         assert f"\n{name}\n" in f"\n{said}"
         for command in row.orders:
-            assert f"{command.name.lower()} (0x6040 = 0x{CONTROL_WORDS[command]:02X})" in said
+            assert f"{command.name.lower()} (control word 0x6040 = 0x{CONTROL_WORDS[command]:02X})" in said
             assert f"`{command.name.lower()}` (0x{CONTROL_WORDS[command]:02X})" in written
         assert rows[name]["faults"] == [fault.id for fault in FAULT_BY_ID.values() if fault.reaction == reaction]
         assert [order["order"] for order in rows[name]["orders"]] == [order.name.lower() for order in row.orders]

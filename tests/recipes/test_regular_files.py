@@ -32,9 +32,9 @@ def local_socket(folder: Path) -> Path:
 @pytest.mark.parametrize(
     ("make", "what"),
     [
-        (pipe, "a pipe, where a file is needed"),
+        (pipe, "a pipe, but a file is needed"),
         (local_socket, "No such device or address"),
-        (lambda _: Path("/dev/zero"), "a device, where a file is needed"),
+        (lambda _: Path("/dev/zero"), "a device, but a file is needed"),
         (lambda folder: folder, "a folder"),
     ],
     ids=["pipe", "socket", "device", "folder"],
@@ -60,7 +60,7 @@ def test_no_command_waits_for_a_pipe(tmp_path: Path, words: tuple[str, ...]) -> 
     command = [sys.executable, "-m", "station", *named]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=AT_ONCE_S)
     assert done.returncode == 2
-    assert "a pipe, where a file is needed" in done.stderr
+    assert "a pipe, but a file is needed" in done.stderr
 
 
 def test_standard_input_may_be_a_pipe() -> None:

@@ -46,14 +46,12 @@ def test_a_folder_of_another_user_is_refused(monkeypatch: pytest.MonkeyPatch, tm
     monkeypatch.setenv(PLACE, str(tmp_path))
     own_folder("benches")
     monkeypatch.setattr(os, "geteuid", lambda: SOMEBODY)
-    with pytest.raises(
-        StationError, match=f"this is user {SOMEBODY}. Run the command as the user to whom this folder belongs"
-    ):
+    with pytest.raises(StationError, match=f"runs as user {SOMEBODY}. Run the program as the owner of the folder"):
         own_folder("benches")
 
 
 def test_a_file_in_its_place_is_told(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     monkeypatch.setenv(PLACE, str(tmp_path / "file"))
-    with pytest.raises(StationError, match="file/benches: cannot be made: "):
+    with pytest.raises(StationError, match="file/benches: this folder cannot be made: "):
         own_folder("benches")

@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import can
@@ -15,13 +16,16 @@ import canopen
 import pytest
 from pymodbus.client import ModbusTcpClient
 
-from virtual_bench.config import ServerConfig
+from station.bench.assemble import modbus_profile
+from station.bench.files import FileAt
+from virtual_bench.config import ModbusPort, ServerConfig
 from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.scenario import Scenario
 from virtual_bench.server import run
 
 pytestmark = [pytest.mark.wires, pytest.mark.wall_clock]
 CONTROLLER = 126
+ON, OFF = True, False
 
 
 class Served:
@@ -241,6 +245,49 @@ def test_modbus_devices(served: Served) -> None:
         assert words[:4] == [0x4C49, 0b11, 220, 220]
         time.sleep(0.01)
         assert remote_io.read_input_registers(4, count=1, device_id=3).registers[0] > words[4]
+
+
+RELAYS = """
+profile: {name: relays, kind: modbus}
+read:
+  table: input
+  address: 1
+  count: 1
+  fields: [{name: brake_on, offset: 0, type: u16, bit: 7}]
+write:
+  table: coil
+  address: 16
+  single: true
+  fields: [{name: brake_on, offset: 0, type: bit}]
+"""
+"""The brake at a coil of the remote I/O, read back in the word of its contacts."""
+
+
+def test_a_brake_at_an_output_of_the_device_that_reads_the_contacts(
+    server_config: ServerConfig, tmp_path: Path
+) -> None:
+    file = tmp_path / "relays.yaml"
+    file.write_text(RELAYS, encoding="utf-8")
+    ports = dict(server_config.devices)
+    ports["brake"] = ModbusPort(modbus_profile(FileAt(file)), unit_id=3, connection="relays and contacts")
+    ports["remote_io"] = replace(ports["remote_io"], connection="relays and contacts")
+    served = Served(replace(server_config, devices=ports))
+    try:
+        assert served.ready["brake"] == served.ready["remote_io"]
+        assert served.ready["amplifier"]["port"] != served.ready["brake"]["port"]
+        with served.modbus("remote_io") as both:
+            assert both.read_input_registers(0, count=5, device_id=3).registers[:2] == [0x4C49, 0b11]
+            assert not both.write_coil(16, ON, device_id=3).isError()
+            assert both.read_coils(16, count=1, device_id=3).bits[0]
+            assert both.read_input_registers(1, count=1, device_id=3).registers == [0b1000_0011]
+            assert both.read_input_registers(0, count=5, device_id=3).registers[:2] == [0x4C49, 0b1000_0011]
+            assert not both.write_coil(16, OFF, device_id=3).isError()
+            assert both.read_input_registers(1, count=1, device_id=3).registers == [0b11]
+            assert both.write_coil(17, ON, device_id=3).exception_code == 2
+            assert both.read_input_registers(0, count=6, device_id=3).exception_code == 2
+            assert both.read_input_registers(0, count=1, device_id=2).exception_code == 11
+    finally:
+        served.close()
 
 
 def test_requests_in_one_packet_are_all_answered(served: Served) -> None:

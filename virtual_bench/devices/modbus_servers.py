@@ -73,9 +73,34 @@ class Device:
         self._write_table, self._write_address = (block.table, block.address) if block else ("", 0)
         self._blocks = (port.registers.read, *port.registers.read_also)
         self.unit_id = port.unit_id
+        self.beside: list[Device] = []
+        """Other parts of the same device: they have its connection and its unit id."""
         self._read = read
         self._write = write
         self._written = [0] * sum(WORDS[row.type] for row in fields)
+
+    def has(self, request: ModbusPDU) -> bool:
+        """Say whether what is asked for is a part of this device, where several have one unit id."""
+        if request.dev_id != self.unit_id:
+            return False
+        code = request.function_code
+        table = READS[code][0] if code in READS else WRITES.get(code, "")
+        parts = [(self._write_table, self._write_address, len(self._written))]
+        parts += [(block.table, block.address, block.count) for block in self._blocks if code in READS]
+        asked = max(request.count, 1)
+        return any(name == table and 0 <= request.address - first <= count - asked for name, first, count in parts)
+
+    def shown(self, table: str, address: int, count: int) -> list[int]:
+        """Return what this part of a device shows in so many words or bits; 0 in those that are not its own."""
+        found = [0] * count
+        for block in self._blocks:
+            if block.table == table:
+                for place, word in enumerate(
+                    encode(self.registers, self._read(), block), start=block.address - address
+                ):
+                    if 0 <= place < count:
+                        found[place] |= word
+        return found
 
     def answer(self, request: ModbusPDU) -> ModbusPDU:
         """Return the response, or an exception response: unknown unit 11, function 1, address 2, value 3."""
@@ -97,8 +122,11 @@ class Device:
         for block in self._blocks:
             first = request.address - block.address
             if block.table == table and first >= 0 and 0 < request.count <= block.count - first:
-                words = encode(self.registers, self._read(), block)
-                return _response(response, words[first : first + request.count])
+                words = encode(self.registers, self._read(), block)[first : first + request.count]
+                for part in self.beside:
+                    others = part.shown(table, request.address, request.count)
+                    words = [word | other for word, other in zip(words, others, strict=True)]
+                return _response(response, words)
         first = request.address - self._write_address
         if table == self._write_table and first >= 0 and 0 < request.count <= len(self._written) - first:
             return _response(response, self._written[first : first + request.count])
@@ -136,7 +164,7 @@ def _response(kind: type[ModbusPDU], words: Sequence[int]) -> ModbusPDU:
 
 
 class ModbusServer:
-    """One device on its own port; `faults` has those of the device `name`.
+    """One device on its own port, or on one with others; `faults` has those of the device `name`.
 
     While a scan leads, requests wait for `answer_waiting`, and `arrived` is told of each.
     """
@@ -154,15 +182,25 @@ class ModbusServer:
         self.connections: set[Connection] = set()
         self._server: asyncio.Server | None = None
 
-    async def start(self, host: str, port: int) -> int:
-        """Listen and return the port; port 0 takes a free one. Raises `OSError` when it cannot be had."""
+    async def start(self, host: str, port: int, partners: Sequence[ModbusServer] = ()) -> int:
+        """Listen and return the port; port 0 takes a free one. Raises `OSError` when it cannot be had.
+
+        partners: devices behind the same connection, as behind a gateway; or parts of the same device, by its unit id.
+        """
+        together = (self, *partners)
         try:
-            self._server = await asyncio.get_running_loop().create_server(partial(Connection, self), host, port)
+            server = await asyncio.get_running_loop().create_server(partial(Connection, together), host, port)
         except OSError as error:
             raise OSError(
                 f"{self.device.registers.profile.name}: port {port} on {host} is not available. Choose another port"
             ) from error
-        return int(self._server.sockets[0].getsockname()[1])
+        for one in together:
+            one._server = server  # noqa: SLF001 - of its own class
+            unit = one.device.unit_id
+            one.device.beside = [
+                other.device for other in together if other is not one and other.device.unit_id == unit
+            ]
+        return int(server.sockets[0].getsockname()[1])
 
     def answer(
         self, request: ModbusPDU, asked: bytes, build: Callable[[ModbusPDU], bytes], send: Callable[[bytes], int]
@@ -229,10 +267,10 @@ def _nothing() -> None:
 
 
 class Connection(asyncio.Protocol):
-    """One client; answers at once, and all requests of a packet."""
+    """One client; answers at once, and all requests of a packet. A fault that cuts one of the devices cuts all."""
 
-    def __init__(self, owner: ModbusServer) -> None:
-        self._owner = owner
+    def __init__(self, owners: Sequence[ModbusServer]) -> None:
+        self._owners = owners
         self._framer = FramerSocket(DecodePDU(is_server=True))
         self._buffer = b""
         self._transport: asyncio.Transport | None = None
@@ -240,17 +278,19 @@ class Connection(asyncio.Protocol):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """Take the connection, or drop it while the line is cut."""
         self._transport = cast("asyncio.Transport", transport)  # a TCP server makes no other
-        self._owner.connections.add(self)
-        if self._owner.faults.is_cut(self._owner.name):
+        for owner in self._owners:
+            owner.connections.add(self)
+        if self._cut:
             self.drop()
 
     def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - as asyncio calls it
         """Forget the connection."""
-        self._owner.connections.discard(self)
+        for owner in self._owners:
+            owner.connections.discard(self)
 
     def data_received(self, data: bytes) -> None:
         """Answer every complete request, and keep the beginning of the next one."""
-        if self._owner.faults.is_cut(self._owner.name):
+        if self._cut:
             self.drop()
             return
         self._buffer += data
@@ -267,7 +307,17 @@ class Connection(asyncio.Protocol):
                 return
             asked, self._buffer = self._buffer[:length], self._buffer[length:]
             if request is not None:
-                self._owner.answer(request, asked, self._framer.buildFrame, self._send)
+                self._owner(request).answer(request, asked, self._framer.buildFrame, self._send)
+
+    @property
+    def _cut(self) -> bool:
+        return any(owner.faults.is_cut(owner.name) for owner in self._owners)
+
+    def _owner(self, request: ModbusPDU) -> ModbusServer:
+        """Return the device that a request is for; that refuses it where none has what is asked for."""
+        asked = [owner for owner in self._owners if owner.device.has(request)]
+        asked += [owner for owner in self._owners if owner.device.unit_id == request.dev_id]
+        return (asked or self._owners)[0]
 
     def _send(self, data: bytes) -> int:
         if self._transport is None or self._transport.is_closing():

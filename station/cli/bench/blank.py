@@ -94,7 +94,8 @@ def _source(
     if path is not None:
         if recipe is None:
             raise StationError(
-                f"{trace}: --recipe is missing: name the recipe of the blank test, which has its loading and ratio"
+                f"file {trace}: --recipe is missing. Name the recipe with which the blank test (the loop on a rigid "
+                "dummy) was measured"
             )
         own = None if bench is None else load_bench(find_bench(bench))
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
@@ -120,7 +121,8 @@ def _fixture(curve: FixtureCurve, made: date, due: date) -> Fixture:
     turned = curve.deflection_arcmin[-1] - curve.deflection_arcmin[0]
     if not turned > 0:
         raise StationError(
-            "the angle does not change under load, so the fixture has no deflection. Check the angle in the trace"
+            "the recorded angle does not change under load, so no fixture deflection can be calculated. Check the "
+            "angle sensor, then measure again"
         )
     points = tuple(
         BlankPoint(f"{torque:.{DIGITS}g} N·m", f"{angle:.{DIGITS}g} arcmin")

@@ -55,5 +55,5 @@ def due_day(text: str | None, made: date) -> date:
     except ValueError:
         raise StationError(f"--due: found '{text}'; expected a date such as 2027-03-31") from None
     if due <= made:
-        raise StationError(f"--due: found {due}; expected a day after {made}, when it was made")
+        raise StationError(f"--due: found {due}; expected a day after the measurement, which was on {made}")
     return due

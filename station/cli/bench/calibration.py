@@ -19,7 +19,7 @@ from station.documents.entries import alongside, left_out, plain
 from station.documents.ratio import RatioLine, RatioRecord
 from station.records.data_folder import Store
 
-ONE_UNIT = "# of one unit: name runs of several units to include the spread between units"
+ONE_UNIT = "# Measured on one unit only: name runs of several units to include the spread between units"
 
 
 @dataclass(frozen=True)
@@ -189,7 +189,10 @@ def _check_text(quadrant: str, check: LineCheck) -> str:
     """Return what stands beside a line as a comment; '' where a record of an earlier version has none of it."""
     said = []
     if check.theil_sen is not None:
-        said.append(f"Theil–Sen slope {check.theil_sen.slope}, offset {_torque(check.theil_sen.offset_nm)}")
+        said.append(
+            f"line that outliers do not affect (Theil–Sen): slope {check.theil_sen.slope}, offset "
+            f"{_torque(check.theil_sen.offset_nm)}"
+        )
     if None not in (check.points, check.flagged):
         said.append(f"{check.flagged} of {check.points} points marked as outliers")
     return f"# {quadrant}: {'; '.join(said)}" if said else ""

@@ -28,7 +28,7 @@ ONE_UNIT_WITHIN = 5.0
 Three runs of one unit were 1.6 to 3.4 apart in the coefficient that differs most; two units of the virtual lot 160.
 """
 
-ONE_RECIPE = "runs of two recipes cannot be compared. Name runs of one recipe and revision"
+OTHER_UNIT = "Name runs of different units (on the virtual bench: --unit P1:1, P1:2, ...)"
 
 
 class MeasuredRatio(NamedTuple):
@@ -56,10 +56,10 @@ def measured_ratio(record: RunRecord) -> MeasuredRatio:
     """
     altered = alterations(record, samples=False)
     if altered:
-        raise StationError(f"{record.id}: record altered: {altered[0]}; the run was not used. Choose another run")
+        raise StationError(f"run {record.id} was not used: its record was altered ({altered[0]}). Choose another run")
     if not (record.folder / CALIBRATION).is_file():
         raise StationError(
-            f"{record.id}: the run measured no torque ratio; expected a complete run of a recipe with a step calibrate"
+            f"run {record.id} measured no torque ratio. Name a complete run of a recipe with a step 'calibrate'"
         )
     _refuse_unreliable(record)
     manifest = record.manifest()
@@ -81,8 +81,8 @@ def check_together(found: Sequence[MeasuredRatio]) -> None:
         return
     if len(found) < LEAST_UNITS:
         raise StationError(
-            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more, so that the spread between units is "
-            "known; or one unit: then the torque ratio is valid for this unit only"
+            f"found runs of {len(found)} units; expected {LEAST_UNITS} or more units, to know the spread between them. "
+            "Name more runs, or only one: the torque ratio is then valid for that unit only"
         )
     for first, second in combinations(found, 2):
         _refuse_one_unit(first, second)
@@ -93,15 +93,15 @@ def _refuse_unreliable(record: RunRecord) -> None:
     result = record.read(Result, RESULT)
     if result.scenario:
         raise StationError(
-            f"{record.id}: faults were injected ({result.scenario}); the run was not used. Choose another run"
+            f"run {record.id} was not used: faults were injected on purpose ({result.scenario}). Choose another run"
         )
     if said := objection(result):
-        raise StationError(f"{record.id}: {said}; the run was not used. Measure again")
+        raise StationError(f"run {record.id} was not used: {said}. Measure the unit again")
     if result.verdict == Verdict.FAIL:
         why = next(iter(result.reasons), "its verdict is FAIL")
         raise StationError(
-            f"{record.id}: its unit failed: {why}. The defect may change the friction, so the run was not used. Name "
-            "a run of a unit that passed"
+            f"run {record.id} was not used: its unit failed ({why}), and the defect may change the friction. Name a "
+            "run of a unit that passed"
         )
     if result.verdict != Verdict.PASS:
         sys.stderr.write(
@@ -112,13 +112,16 @@ def _refuse_unreliable(record: RunRecord) -> None:
 def _check_alike(found: Sequence[MeasuredRatio]) -> None:
     first = found[0]
     for one in found:
-        for what, own, others, why in (
-            ("bench", one.stored.bench.name, first.stored.bench.name, "a torque ratio is valid for one bench"),
-            ("model", one.stored.model, first.stored.model, "a torque ratio is valid for one model"),
-            ("recipe", one.recipe, first.recipe, ONE_RECIPE),
+        for what, own, others in (
+            ("bench", one.stored.bench.name, first.stored.bench.name),
+            ("model", one.stored.model, first.stored.model),
+            ("recipe", one.recipe, first.recipe),
         ):
             if own != others:
-                raise StationError(f"{one.run}: found {what} {own}; {first.run} is of {what} {others}, and {why}")
+                raise StationError(
+                    f"runs {first.run} and {one.run} cannot be combined: they differ in {what} ({others}, {own}). Name "
+                    "runs of one bench, one model, and one recipe and revision"
+                )
 
 
 def _check_serials(found: Sequence[MeasuredRatio]) -> None:
@@ -127,27 +130,26 @@ def _check_serials(found: Sequence[MeasuredRatio]) -> None:
     if twice is not None:
         named = ", ".join(one.run for one in found if one.serial == twice)
         raise StationError(
-            f"unit {twice} is named {serials.count(twice)} times: {named}; expected one run of each unit, because the "
-            "spread between units is calculated"
+            f"unit {twice} was measured in {serials.count(twice)} of the runs: {named}; expected one run of each unit, "
+            "because the spread between units is calculated. Leave out the others"
         )
 
 
 def _refuse_one_unit(first: MeasuredRatio, second: MeasuredRatio) -> None:
     """Refuse one unit under two serial numbers: its lines differ by noise, and as units they would have no spread."""
-    needed = "expected a run of another unit (on the virtual bench --unit P1:1, P1:2, ...)"
     if first.virtual is not None and first.virtual == second.virtual:
         raise StationError(
-            f"{second.run}: measured virtual unit {second.virtual}, the same unit as {first.run}; {needed}"
+            f"runs {first.run} and {second.run} measured the same virtual unit, {second.virtual}. {OTHER_UNIT}"
         )
     if first.quadrants == second.quadrants:
         raise StationError(
-            f"{second.run}: the torque ratio is equal to that of {first.run} to the last digit, so both runs measured "
-            f"the same unit; {needed}"
+            f"runs {first.run} and {second.run} have the same torque ratio to the last digit, so both measured the "
+            f"same unit. {OTHER_UNIT}"
         )
     if apart(first, second) <= ONE_UNIT_WITHIN:
         raise StationError(
-            f"{second.run}: the torque ratio is equal to that of {first.run} within {ONE_UNIT_WITHIN:g} standard "
-            f"uncertainties in every quadrant, so both runs seem to have measured the same unit; {needed}"
+            f"runs {first.run} and {second.run} seem to have measured the same unit: in every quadrant their torque "
+            f"ratios agree within {ONE_UNIT_WITHIN:g} standard uncertainties. {OTHER_UNIT}"
         )
 
 

@@ -20,7 +20,10 @@ from station.cli.options import (
 )
 
 DueOption = Annotated[
-    str | None, typer.Option("--due", metavar="DATE", help="Due date. Default: one year after the calibration.")
+    str | None,
+    typer.Option(
+        "--due", metavar="DATE", help="Date on which to measure this again. Default: one year after the measurement."
+    ),
 ]
 
 
@@ -28,12 +31,16 @@ def virtual_bench(
     bench: BenchOption = None,
     can: Annotated[
         str | None,
-        typer.Option("--can", metavar="WHERE", help="HOST:PORT, socketcan:CHANNEL, or slcan for a serial adapter."),
+        typer.Option(
+            "--can", metavar="WHERE", help="CAN interface: HOST:PORT, socketcan:CHANNEL, or slcan for a serial adapter."
+        ),
     ] = None,
     modbus: Annotated[
         str | None,
         typer.Option(
-            "--modbus", metavar="WHERE", help="HOST:PORT, also uses the next two ports; or rtu for serial ports."
+            "--modbus",
+            metavar="WHERE",
+            help="Modbus devices: HOST:PORT, also uses the next two ports; or rtu for serial ports.",
         ),
     ] = None,
     unit: UnitOption = None,
@@ -43,7 +50,7 @@ def virtual_bench(
         typer.Option(
             "--pace",
             metavar="HOST:PORT",
-            help="Address at which a controller can connect to the bench. Default: a free port.",
+            help="HOST:PORT at which a controller connects and sets the speed of the simulation. Default: a free port.",
         ),
     ] = None,
     seed: SeedOption = None,
@@ -51,7 +58,7 @@ def virtual_bench(
         bool,
         typer.Option(
             "--hands",
-            help="Read actions at the bench from standard input, such as 'io.estop trip' and 'io.estop trip end'.",
+            help="Read operator actions from standard input, such as 'io.estop trip' (presses the emergency stop).",
         ),
     ] = False,
 ) -> None:
@@ -65,7 +72,7 @@ def virtual_bench(
 
 def timing(
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="N", min=0.1, help="Duration of the measurement.")
+        float, typer.Option("--seconds", metavar="N", min=0.1, help="Duration of the measurement [s].")
     ] = 10.0,
     bench: BenchOption = None,
     recipe: Annotated[
@@ -89,7 +96,7 @@ def timing(
         ),
     ] = None,
     highest_rate: Annotated[
-        bool, typer.Option("--highest-rate", help="Measure several scan rates, N seconds each.")
+        bool, typer.Option("--highest-rate", help="Measure several scan rates, each for the time of --seconds.")
     ] = False,
     as_json: JsonOption = False,
 ) -> None:
@@ -127,11 +134,12 @@ def blank(
         typer.Option(
             "--recipe",
             metavar="RECIPE",
-            help="Recipe of the blank test. Default for a stored run: the recipe of that run.",
+            help="Recipe of the blank test (loop on a rigid dummy). Default for a stored run: its own recipe.",
         ),
     ] = None,
     bench: Annotated[
-        str | None, typer.Option("--bench", metavar="FILE", help="Bench on which the trace was recorded.")
+        str | None,
+        typer.Option("--bench", metavar="FILE", help="Bench file of the bench on which the file was recorded."),
     ] = None,
     name: Annotated[
         str | None,
@@ -153,7 +161,8 @@ def torque_ratio(
     points: Annotated[
         str,
         typer.Argument(
-            metavar="FILE", help="CSV, Parquet or TDMS file with torque_in_nm and torque_out_nm, or a stored run."
+            metavar="FILE",
+            help="CSV, Parquet or TDMS file with the columns torque_in_nm and torque_out_nm, or a stored run.",
         ),
     ],
     target: Annotated[

@@ -47,7 +47,7 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
         raise StationError(f"{place}: there is no such file or folder. Check the path")
     files = eds_files(place)
     if not files:
-        raise StationError(f"{place}: found no file that ends with {' or '.join(ENDINGS)}. Choose another folder")
+        raise StationError(f"folder {place}: found no drive file ({' or '.join(ENDINGS)}). Choose another folder")
     drafts, unreadable = _drafts(files, place)
     _write(drafts, out)
     if as_json:
@@ -60,8 +60,10 @@ def from_eds(place: Path, out: Path | None, *, as_json: bool) -> int:
             typer.echo(f"# {text}")
         if len(files) > 1:
             usable = sum(not one.refused for one in drafts)
-            rest = f"{len(drafts) - usable} cannot be used, {len(unreadable)} could not be read"
-            typer.echo(f"# {len(files)} files: {usable} usable, {rest}")
+            typer.echo(
+                f"# {len(files)} drive files: {usable} usable, {len(drafts) - usable} of drives that cannot be used, "
+                f"{len(unreadable)} not readable"
+            )
     return EXIT_UNUSABLE if unreadable or any(one.refused for one in drafts) else 0
 
 
@@ -87,10 +89,13 @@ def _write(drafts: list[Draft], out: Path | None) -> None:
         other = taken.setdefault(one.name, one.source)
         path = out / f"{one.name}.yaml"
         if other != one.source:
-            raise StationError(f"{path}: {other} and {one.source} would both be written there. Rename one of them")
+            raise StationError(
+                f"the drafts of {other} and {one.source} would both be written to {path}. Rename one of the two drive "
+                "files"
+            )
         if path.exists():
             raise StationError(
-                f"{path}: this file exists and is not overwritten. Move it, or choose another folder with --out"
+                f"file {path} exists already and is not overwritten. Move it, or choose another folder with --out"
             )
     try:
         out.mkdir(parents=True, exist_ok=True)
@@ -127,8 +132,10 @@ def compare(bench_name: str, *, as_json: bool) -> int:
     path = find_bench(bench_name)
     bench = load_bench(path)
     if bench.bench.embedded:
-        hint = "Start `lostmotion virtual-bench`, and name a bench file with its ports"
-        raise StationError(f"{path}: the embedded virtual bench exists only during a run. {hint}")
+        raise StationError(
+            f"{path}: the embedded virtual bench exists only during a run. Start `lostmotion virtual-bench`, and name "
+            "a bench file with its ports"
+        )
     profile = drive_profile(FileAt(find_profile(bench.drive.profile, path)))
     can, drive = can_config(bench), drive_config(bench, profile)
     with alone_on(bench.bench.name, can):
@@ -158,11 +165,14 @@ def compare(bench_name: str, *, as_json: bool) -> int:
 def _say_compared(compared: list[Compared], missing: list[str]) -> None:
     for one in compared:
         hint = f"; {one.next_step}" if one.next_step else ""
-        typer.echo(f"{one.outcome:15} {one.place}  {one.meaning}: found {one.found}, expected {one.wanted}{hint}")
+        typer.echo(
+            f"{one.outcome:15} object {one.place}  {one.meaning}: found {one.found}, expected {one.wanted}{hint}"
+        )
     for text in missing:
         typer.echo(text)
     counts = {
         outcome: sum(one.outcome == outcome for one in compared)
         for outcome in dict.fromkeys(one.outcome for one in compared)
     }
-    typer.echo(", ".join(f"{count} {outcome}" for outcome, count in counts.items()) + "; nothing was written")
+    told = ", ".join(f"{count} {outcome}" for outcome, count in counts.items())
+    typer.echo(f"Objects of the drive: {told}. Nothing was written to the drive.")

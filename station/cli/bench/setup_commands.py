@@ -21,7 +21,10 @@ def profile_from_eds(
         Path, typer.Argument(metavar="FILE|FOLDER", help="EDS or DCF file of a drive, or a folder of them.")
     ],
     out: Annotated[
-        Path | None, typer.Option("--out", metavar="FOLDER", help="Folder for NAME.yaml. Default: print the profile.")
+        Path | None,
+        typer.Option(
+            "--out", metavar="FOLDER", help="Folder to write each profile to, as NAME.yaml. Default: print it."
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -36,7 +39,9 @@ def profile_from_eds(
 
 @profile_app.command("compare")
 def profile_compare(
-    bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file whose drive is compared.")],
+    bench: Annotated[
+        str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench whose drive is compared.")
+    ],
     as_json: JsonOption = False,
 ) -> None:
     """Read every object of the drive that a run checks or writes, and compare it with the profile. Nothing is written.
@@ -48,11 +53,13 @@ def profile_compare(
     raise typer.Exit(command_profile.compare(bench, as_json=as_json))
 
 
-def schema(kind: Annotated[str, typer.Argument(metavar="KIND", help="recipe, bench or profile.")]) -> None:
+def schema(
+    kind: Annotated[str, typer.Argument(metavar="KIND", help="Kind of file: recipe, bench or profile.")],
+) -> None:
     """Print the JSON Schema of recipe, bench or profile files, for editors. Exit code: 0, or 2 for another kind."""
     from recipes.schema.json_schema import KINDS_OF_FILE, json_schema
     from station.errors import StationError
 
     if kind not in KINDS_OF_FILE:
-        raise StationError(f"KIND: found '{kind}'; allowed: {', '.join(KINDS_OF_FILE)}")
+        raise StationError(f"KIND (kind of file): found '{kind}'; allowed: {', '.join(KINDS_OF_FILE)}")
     typer.echo(json.dumps(json_schema(kind), ensure_ascii=False, indent=1))

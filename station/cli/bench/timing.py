@@ -102,22 +102,27 @@ def explain(report: TimingReport) -> list[str]:
         share = report.missed / report.periods
         told.append(
             f"{report.missed} of {report.periods} scan periods were missed ({share:.3%}; recipes allow about 0.1 %). "
-            f"Most frequent cause, in {causes.count(most)} of {len(causes)} gaps: {CAUSES[most]}.",
+            f"Most frequent cause, in {causes.count(most)} of {len(causes)} gaps between scans: {CAUSES[most]}.",
         )
     every_ms = _rhythm_ms(report)
     if every_ms:
         told.append(
-            f"The gaps repeat every {every_ms} ms: the processor time is limited by the host of a "
+            f"The scan is interrupted every {every_ms} ms: the processor time is limited by the host of a "
             "virtual machine or by a container. Change that limit; no setting of this program helps.",
         )
     if late.p999 > 0.5 * period_us:
-        told.append("The wake-up latency is sometimes too long for this period: see the list of causes.")
+        told.append(
+            "The computer sometimes wakes the scan too late for this period. 'lostmotion doctor' lists the causes."
+        )
     if used > 0.5:
         told.append(
-            "The scan itself takes more than half of the period: choose a longer period, or a faster processor."
+            "The work of a scan takes more than half of the scan period. Choose a longer period, or a faster processor."
         )
     if report.embedded and report.missed:
-        told.append("The virtual bench uses the same processor. With a real bench, the scan has the processor alone.")
+        told.append(
+            "The virtual bench ran on the same processor, which may have delayed the scan. With a real bench, the scan "
+            "has the processor alone."
+        )
     return told
 
 
@@ -140,7 +145,7 @@ def histogram(edges: Sequence[tuple[float, int]]) -> list[str]:
         if count:
             label = f"over {low:g}" if high == float("inf") else f"to {high:g}"
             bar = "#" * max(round(BAR * count / total), 1)
-            rows.append(f"  {label:>11} µs {count:>9}  {bar}")
+            rows.append(f"  {label:>11} µs {count:>9} scans  {bar}")
         low = float(high)
     return rows
 
@@ -164,16 +169,18 @@ def lines(report: TimingReport) -> list[str]:
     out += ["", f"missed periods: {report.missed}"]
     for gap in report.gaps[:GAPS_SHOWN]:
         before = gap.before
-        told = f"scan {before.scan} was {before.lateness_us:.0f} µs late, {_parts(before)}"
-        out.append(f"  {gap.missed} before scan {gap.scan}: {told} ({CAUSES[before.cause]})")
+        out.append(
+            f"  {gap.missed} missed before scan {gap.scan}: scan {before.scan} was {before.lateness_us:.0f} µs late, "
+            f"its work took {_parts(before)} ({CAUSES[before.cause]})"
+        )
     if report.gaps_in_all > GAPS_SHOWN:
-        out.append(f"  and {report.gaps_in_all - GAPS_SHOWN} more gaps (--json lists up to 256)")
+        out.append(f"  and {report.gaps_in_all - GAPS_SHOWN} more gaps between scans (--json lists up to 256)")
     out += ["", "longest scans"]
     for one in report.longest_scans[:LONG_SHOWN]:
-        out.append(f"  scan {one.scan}: {_parts(one)}, {one.lateness_us:.0f} µs late")
+        out.append(f"  scan {one.scan}: its work took {_parts(one)}; it started {one.lateness_us:.0f} µs late")
     out += ["", "latest scans"]
     for one in report.latest_scans[:LONG_SHOWN]:
-        out.append(f"  scan {one.scan}: {one.lateness_us:.0f} µs late, {_parts(one)}")
+        out.append(f"  scan {one.scan}: it started {one.lateness_us:.0f} µs late; its work took {_parts(one)}")
     out += ["", *footing(report)]
     realtime = report.realtime
     out += ["", "requested from the system"]

@@ -124,7 +124,9 @@ def _target(text: str) -> float:
     try:
         torque_nm = read_quantity(text, TORQUE)
     except QuantityError as error:
-        raise StationError(f"--target: found {error.found}; allowed is {error.allowed}. {error.hint}") from None
+        raise StationError(
+            f"--target: found {error.found}; allowed is an output torque, as in '412 N·m'. {error.hint}"
+        ) from None
     if not torque_nm:
         raise StationError(f"--target: found {text}; allowed is an output torque other than zero, such as '412 N·m'")
     return torque_nm
@@ -136,7 +138,7 @@ def _of_file(path: Path) -> Lines:
     if origin is not None:
         origin.check_complete()
         if origin.objections:
-            raise StationError(f"{path}: {origin.objections[0]}; the file was not evaluated. Export the run again")
+            raise StationError(f"file {path} was not evaluated: {origin.objections[0]}. Export the run again")
     runs = commanded_runs(trace)
     if not runs:
         fit = fit_points(trace, rows)
@@ -144,8 +146,8 @@ def _of_file(path: Path) -> Lines:
     role = next((role for role in FITTED if any(run.role == role for run in runs)), None)
     if role is None:
         raise AnalysisError(
-            f"{path}: column segment: found {', '.join(sorted({run.role for run in runs}))}; expected rows of "
-            f"{' or '.join(FITTED)}; name those in which both torques were measured"
+            f"file {path}, column segment: found {', '.join(sorted({run.role for run in runs}))}; expected "
+            f"{' or '.join(FITTED)} in the rows in which both torques were measured. Correct the column"
         )
     points = quadrant_points(trace, [run for run in runs if run.role == role])
     fits: dict[str | None, RatioFit] = {
@@ -153,8 +155,8 @@ def _of_file(path: Path) -> Lines:
     }
     if not fits:
         raise AnalysisError(
-            f"{path}: segments {role}: found fewer than {LEAST_POINTS} points in every quadrant; expected a loading "
-            "or unloading branch over most of the torque range"
+            f"file {path}, rows with segment {role}: found fewer than {LEAST_POINTS} points in every quadrant; "
+            "expected a loading or unloading branch over most of the torque range. Name another file"
         )
     missing = [quadrant for quadrant in points if quadrant not in fits]
     notes = (
@@ -173,9 +175,11 @@ def _of_run(name: str, data: Path) -> Lines:
             "and a metric torque_ratio_slope or torque_ratio_offset"
         )
     result = run.read(Result, RESULT)
-    said = [f"{run.id}: {invalid}: its lines say little of the unit"] if (invalid := objection(result)) else []
+    said = [f"run {run.id}: {invalid}, so its torque ratio is not reliable"] if (invalid := objection(result)) else []
     if result.scenario:
-        said.append(f"{run.id}: faults were injected ({result.scenario}): its lines may be wrong")
+        said.append(
+            f"run {run.id}: faults were injected on purpose ({result.scenario}), so its torque ratio may be wrong"
+        )
     return Lines(run.id, run.id, dict(quadrants.fits.items()), notes=said)
 
 
@@ -260,7 +264,7 @@ def _coefficients(line: Line) -> list[tuple[str, str, str]]:
 def _scatter(line: Line) -> str:
     correlation = minus(f"{line.correlation:.3f}")
     s = _digits(line.residual_sd_nm, 4)
-    return f"s = {s} N·m, correlation of C and m {correlation}, R² = {line.r_squared:.5f}"
+    return f"scatter of the points s = {s} N·m, correlation of C and m {correlation}, R² = {line.r_squared:.5f}"
 
 
 def _flagged(line: Line) -> list[Block]:

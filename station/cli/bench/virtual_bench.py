@@ -27,7 +27,7 @@ def address(option: str, text: str) -> tuple[str, int]:
     """Return host and port of `HOST:PORT`; StationError when it is not one."""
     host, colon, port = text.rpartition(":")
     if not colon or not host or not port.isdecimal() or int(port) > 65535:
-        raise StationError(f"{option}: found {text!r}; allowed is HOST:PORT, as in 127.0.0.1:29536")
+        raise StationError(f"option {option}: found {text!r}; allowed is HOST:PORT, as in 127.0.0.1:29536")
     return host, int(port)
 
 

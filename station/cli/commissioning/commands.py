@@ -15,7 +15,7 @@ bench_app = typer.Typer(
     no_args_is_help=True,
 )
 
-BenchFileOption = Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench.")]
+BenchFileOption = Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the bench to commission.")]
 ByOption = Annotated[
     str | None,
     typer.Option(
@@ -23,7 +23,7 @@ ByOption = Annotated[
     ),
 ]
 PatienceOption = Annotated[
-    float, typer.Option("--seconds", metavar="N", min=1, max=600, help="Longest time to wait for each action.")
+    float, typer.Option("--seconds", metavar="N", min=1, max=600, help="Longest time to wait for each action [s].")
 ]
 TrialRecipeOption = Annotated[
     str,
@@ -46,12 +46,14 @@ def status(bench: BenchFileOption, as_json: JsonOption = False) -> None:
 def probe(
     bench: BenchFileOption,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="N", min=0.1, max=60, help="How long the live values are read.")
+        float, typer.Option("--seconds", metavar="N", min=0.1, max=60, help="How long the live values are read [s].")
     ] = 2.0,
     by: ByOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Step 1: check device identities and the drive's objects, and show live values. Nothing is written or enabled.
+    """Step 1: check the identity of each device and the settings of the drive, and show live values.
+
+    Nothing is written or enabled.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -87,7 +89,7 @@ def registers(
 def io(
     bench: BenchFileOption, seconds: PatienceOption = 60.0, by: ByOption = None, as_json: JsonOption = False
 ) -> None:
-    """Step 3: press the emergency stop and open the guard when asked. It shows which inputs changed.
+    """Step 3: press the emergency stop and open the guard when asked. The command shows which inputs changed.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -118,13 +120,15 @@ _small_run(
 )
 _small_run(
     "latency",
-    help="Step 5: measure age and lag of every channel with small torque steps on the locked unit.",
+    help="Step 5: measure with small torque steps on the locked unit how late each channel's values arrive.",
 )
 
 
 @bench_app.command()
 def watchdogs(bench: BenchFileOption, by: ByOption = None, as_json: JsonOption = False) -> None:
-    """Step 6: stop SYNC, heartbeat, then all messages, and see that the drive reacts. It is enabled, without torque.
+    """Step 6: stop sending SYNC, heartbeat, then all messages, and check that the drive reacts to each.
+
+    The drive is enabled, with zero torque.
 
     Exit code: 0 passed; 1 not passed; 2 bad input; 4 bench fault.
     """
@@ -135,7 +139,7 @@ def watchdogs(bench: BenchFileOption, by: ByOption = None, as_json: JsonOption =
 
 _small_run(
     "tune",
-    help="Step 7: measure the torque loop with small torque steps and propose its gain. Nothing is written.",
+    help="Step 7: measure the torque controller with small torque steps and propose its gain. Nothing is written.",
 )
 
 
@@ -144,7 +148,7 @@ def timing(
     bench: BenchFileOption,
     recipe: TrialRecipeOption,
     seconds: Annotated[
-        float, typer.Option("--seconds", metavar="N", min=0.1, help="Duration of the measurement.")
+        float, typer.Option("--seconds", metavar="N", min=0.1, help="Duration of the measurement [s].")
     ] = 60.0,
     by: ByOption = None,
     as_json: JsonOption = False,

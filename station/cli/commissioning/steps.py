@@ -152,7 +152,7 @@ def registers(
 
     for found in without:
         if found not in SENSORS:
-            raise StationError(f"--without: found '{found}'; allowed: {', '.join(SENSORS)}")
+            raise StationError(f"--without (a torque sensor): found '{found}'; allowed: {', '.join(SENSORS)}")
     bench = on_wires(bench_name)
     tell = teller(as_json=as_json)
     if part is None:
@@ -161,10 +161,11 @@ def registers(
     def begun(least_nm: Mapping[str, float]) -> None:
         if part is None:
             each = ", ".join(f"{channel} by at least {by:g} N·m" for channel, by in least_nm.items())
-            tell(f"Press on each torque sensor, one after the other: {each}. At most {seconds:g} s.")
+            tell(f"Press on each torque sensor, one after the other: {each}. You have {seconds:g} s.")
 
     def pressed(row: Row, value: float) -> None:
-        tell(f"  {row.field} {value:.6g} N·m   raw {row.raw}   big {_number(row.big)}   little {_number(row.little)}")
+        orders = f"as big-endian {_number(row.big)}, as little-endian {_number(row.little)}"
+        tell(f"  {row.field}: {value:.6g} N·m   raw registers {row.raw}   {orders}")
 
     with bench.alone():
         seen = browse(bench, part, seconds, begun, pressed, without)
@@ -275,7 +276,10 @@ def safety_chain(by_hand: ByHand, wires: WireBenchConfig) -> Callable[[], str]:
             asked_since = by_hand.scan
         looked = by_hand.scan
         if device.lost or (device.age_scans(by_hand.scan) > STALE_MS and by_hand.scan - asked_since > STALE_MS):
-            return f"{wires.remote_io.where} does not answer: emergency stop and guard not known. Check its cable"
+            return (
+                f"{wires.remote_io.where} does not answer, so emergency stop and guard are not known. Check the cable "
+                "of this device"
+            )
         if not device.replies:
             return ""
         opened = [name for name in names if not device.values[device.place(name)]]

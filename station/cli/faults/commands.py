@@ -21,7 +21,7 @@ faults_app = typer.Typer(help="Inject faults into the virtual bench and check th
 
 @faults_app.command("list")
 def faults_list(as_json: JsonOption = False) -> None:
-    """List the faults that can be injected: target, verb, value."""
+    """List the faults that can be injected, each as a scenario names it: target, verb and value."""
     from station.cli.faults import faults as command_faults
 
     raise typer.Exit(command_faults.list_faults(as_json=as_json))
@@ -29,7 +29,7 @@ def faults_list(as_json: JsonOption = False) -> None:
 
 @faults_app.command("reactions")
 def faults_reactions(as_json: JsonOption = False) -> None:
-    """List what each reaction to a fault orders: drive command, state and contacts."""
+    """List the reactions to faults, with drive command, state of the controller and contacts of each."""
     from station.cli.faults import reactions as command_reactions
 
     raise typer.Exit(command_reactions.list_reactions(as_json=as_json))
@@ -37,14 +37,25 @@ def faults_reactions(as_json: JsonOption = False) -> None:
 
 @faults_app.command("run")
 def faults_run(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file.")],
+    scenario: Annotated[
+        Path,
+        typer.Argument(
+            metavar="SCENARIO", help="Scenario file: faults to inject, and the reactions that are expected."
+        ),
+    ],
     recipe: Annotated[
-        str | None, typer.Option("--recipe", metavar="RECIPE", help="Recipe. Default: the scenario's, or a short one.")
+        str | None,
+        typer.Option(
+            "--recipe",
+            metavar="RECIPE",
+            help="Recipe to run. Default: the recipe that the scenario names, or a short one.",
+        ),
     ] = None,
     unit: UnitOption = None,
     seed: SeedOption = None,
     wires: Annotated[
-        bool, typer.Option("--wires", help="Use CAN and Modbus, with the virtual bench in its own process.")
+        bool,
+        typer.Option("--wires", help="Use real CAN and Modbus connections, with the virtual bench in its own process."),
     ] = False,
     wall_clock: WallClockOption = False,
     bench: Annotated[
@@ -58,7 +69,10 @@ def faults_run(
     data: FaultDataOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Run a scenario and check its 'expect' and 'never' clauses. Exit code: 0 all met, 1 not met, 2 bad input."""
+    """Inject the faults of a scenario file, and check the reactions that it lists under 'expect' and 'never'.
+
+    Exit code: 0 all met, 1 not met, 2 bad input.
+    """
     from station.cli.faults import faults as command_faults
 
     how = command_faults.How(recipe, unit, wires, wall_clock, bench, data, seed)
@@ -67,10 +81,12 @@ def faults_run(
 
 @faults_app.command("gateway")
 def faults_gateway(
-    scenario: Annotated[Path, typer.Argument(metavar="SCENARIO", help="Scenario file: faults of can.… and modbus.…")],
+    scenario: Annotated[
+        Path, typer.Argument(metavar="SCENARIO", help="Scenario file with faults of CAN and Modbus messages.")
+    ],
     bench: Annotated[str, typer.Option("--bench", metavar="FILE", help="Bench file of the real bench.")],
 ) -> None:
-    """Run a gateway on the wires of a real bench that injects faults. Prints its ports, then runs until Ctrl-C."""
+    """Inject faults between controller and real bench, by a gateway. Prints its ports, then runs until Ctrl-C."""
     from station.cli.faults import faults as command_faults
 
     raise typer.Exit(command_faults.gateway(bench, scenario))
@@ -81,7 +97,9 @@ def faults_exits(
     only: Annotated[
         list[str] | None, typer.Argument(metavar="[ID]...", help="Ids of the shutdown paths. Default: all.")
     ] = None,
-    page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the table as Markdown.")] = None,
+    page: Annotated[
+        Path | None, typer.Option("--page", metavar="FILE", help="Write the measured times to FILE, as Markdown.")
+    ] = None,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Number of parallel processes.")] = 2,
     as_json: JsonOption = False,
 ) -> None:
@@ -96,8 +114,10 @@ def faults_pairs(
     seed: Annotated[
         int, typer.Option("--seed", min=0, help="Seed of the draw: the same seed gives the same pairs.")
     ] = 1,
-    count: Annotated[int, typer.Option("--count", min=1, help="Number of pairs.")] = 100,
-    first: Annotated[int, typer.Option("--first", min=0, help="Number of the first pair, to repeat one.")] = 0,
+    count: Annotated[int, typer.Option("--count", min=1, help="Number of pairs of faults to inject.")] = 100,
+    first: Annotated[
+        int, typer.Option("--first", min=0, help="Number of the first pair to inject; with --count 1, only this pair.")
+    ] = 0,
     workers: Annotated[int, typer.Option("--workers", min=1, help="Number of parallel processes.")] = 2,
     as_json: JsonOption = False,
 ) -> None:
@@ -110,17 +130,20 @@ def faults_pairs(
 @faults_app.command("matrix")
 def faults_matrix(
     only: Annotated[
-        list[str] | None, typer.Argument(metavar="[NAME]...", help="Only rows whose name contains NAME.")
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Inject only faults whose name contains NAME.")
     ] = None,
     html: Annotated[
-        Path | None, typer.Option("--html", metavar="FILE", help="Write an HTML page with the traces.")
+        Path | None, typer.Option("--html", metavar="FILE", help="Write an HTML page with the recorded curves.")
     ] = None,
-    page: Annotated[Path | None, typer.Option("--page", metavar="FILE", help="Write the figures as Markdown.")] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option("--page", metavar="FILE", help="Write the measured reaction times to FILE, as Markdown."),
+    ] = None,
     workers: Annotated[
         int, typer.Option("--workers", min=1, help="Number of parallel processes. Not with --wires.")
     ] = 2,
     wires: Annotated[
-        bool, typer.Option("--wires", help="Inject over CAN and Modbus, each fault in one state only.")
+        bool, typer.Option("--wires", help="Use real CAN and Modbus connections; each fault in one state only.")
     ] = False,
     wall_clock: WallClockOption = False,
     data: FaultDataOption = None,

@@ -48,7 +48,7 @@ def exits(names: list[str], path: Path | None, workers: int, *, as_json: bool) -
         measured = sum(one is not None for one in found.values())
         missed = ", ".join(bad) or "none"
         sys.stdout.write(
-            f"{measured} of {len(found)} exits measured; not measured, or outside their limits: {missed}\n"
+            f"{measured} of {len(found)} shutdown paths measured; not measured, or outside their limits: {missed}\n"
         )
     return 1 if bad else 0
 
@@ -61,4 +61,6 @@ def line(name: str, one: Measured | None) -> str:
     opened = "" if one.opened_nm is None else f"  lock opened at {one.opened_nm:.1f} N·m"
     wrong = f"  WRONG: {'; '.join(one.wrong)}" if one.wrong else ""
     came = f"{one.begin_state}, {one.begin_nm:.0f} N·m, peak {one.peak_nm:.0f} N·m"
-    return f"{name:26} {came}: down {' low '.join(times)}  rest {one.rest_nm:5.1f} N·m  {one.state}{opened}{wrong}"
+    down, low = times
+    torque = f"torque falls after {down}, is low after {low}, in the end {one.rest_nm:.1f} N·m"
+    return f"{name:26} {came}: {torque}; state {one.state}{opened}{wrong}"

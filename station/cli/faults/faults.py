@@ -111,7 +111,9 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
     rated_nm = job.recipe.unit_under_test.rated_torque_nm
     behind_gateway = not job.bench.bench.embedded
     if behind_gateway and not how.wires:
-        raise StationError(f"--bench {how.bench} is a real bench: faults reach it over wires only; add --wires")
+        raise StationError(
+            f"--bench {how.bench} is a real bench: faults can be injected only over CAN and Modbus; add --wires"
+        )
     if not how.wires:
         found = run_scenario(job, chosen, scenario)
         wrong = breaches(found, scenario)
@@ -240,14 +242,19 @@ def matrix(names: list[str], html: Path | None, page: Path | None, workers: int,
     return 1 if bad else 0
 
 
-HEAD = f"{'fault':40} {'state':10} {'alarm':26} {'reaction':10} {'detect':>7} {'order':>6} {'|T|<2 %':>8}"
+HEAD = (
+    f"{'fault':40} {'state':10} {'alarm':26} {'reaction':10} "
+    f"{'alarm after':>13} {'command after':>13} {'torque < 2 % after':>18}"
+)
 
 
 def line(cell: Cell) -> str:
     """One cell as a line of the table."""
-    detect = "" if cell.detect_scans is None else str(cell.detect_scans)
-    order = "" if cell.order_scans is None else str(cell.order_scans)
+    detect = "" if cell.detect_scans is None else f"{cell.detect_scans} scans"
+    order = "" if cell.order_scans is None else f"{cell.order_scans} scans"
     low = "" if not cell.alarm else f"{cell.torque_s:.3f} s" if cell.torque_s is not None else f"{cell.rest_nm:.0f} N·m"
     alarm, reaction = cell.alarm or "none: goes on", cell.reaction or "tolerated"
     wrong = f"  {'; '.join(cell.wrong)}" if cell.wrong else ""
-    return f"{ROWS[cell.row].name:40} {cell.state:10} {alarm:26} {reaction:10} {detect:>7} {order:>6} {low:>8}{wrong}"
+    return (
+        f"{ROWS[cell.row].name:40} {cell.state:10} {alarm:26} {reaction:10} {detect:>13} {order:>13} {low:>18}{wrong}"
+    )

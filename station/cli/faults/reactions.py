@@ -50,7 +50,7 @@ def faults_of(reaction: Reaction) -> list[str]:
 
 def written(command: DriveCommand) -> str:
     """Return a drive command with its control word, as it goes over the wire."""
-    return f"{command.name.lower()} (0x6040 = 0x{CONTROL_WORDS[command]:02X})"
+    return f"{command.name.lower()} (control word 0x6040 = 0x{CONTROL_WORDS[command]:02X})"
 
 
 def _order(command: DriveCommand) -> dict[str, str | int]:

@@ -31,7 +31,8 @@ AttemptsOption = Annotated[
 
 def repeatability(
     runs: Annotated[
-        list[str], typer.Argument(metavar="RUN...", help="Runs or traces of one unit, or its serial number.")
+        list[str],
+        typer.Argument(metavar="RUN...", help="Stored runs or recorded files of one unit, or its serial number."),
     ],
     recipe: Annotated[
         str | None,
@@ -62,13 +63,19 @@ def capability(
     attempts: AttemptsOption = "first",
     column: ColumnOption = "value",
     lower: Annotated[
-        float | None, typer.Option("--min", metavar="X", help="Lower limit. Default: the recipe's.")
+        float | None, typer.Option("--min", metavar="X", help="Lower limit. Default: that of the recipe.")
     ] = None,
     upper: Annotated[
-        float | None, typer.Option("--max", metavar="X", help="Upper limit. Default: the recipe's.")
+        float | None, typer.Option("--max", metavar="X", help="Upper limit. Default: that of the recipe.")
     ] = None,
     subgroup: Annotated[
-        int, typer.Option("--subgroup", metavar="N", min=1, help="Subgroup size. 1: moving range.")
+        int,
+        typer.Option(
+            "--subgroup",
+            metavar="N",
+            min=1,
+            help="Subgroup size. 1: single values, with the moving range as their spread.",
+        ),
     ] = 1,
     level: LevelOption = 0.95,
     data: DataOption = DEFAULT_DATA,
@@ -116,7 +123,10 @@ def gage(
         ),
     ] = "day",
     tolerance: Annotated[
-        float | None, typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's.")
+        float | None,
+        typer.Option(
+            "--tolerance", metavar="X", help="Tolerance: upper minus lower limit. Default: that of the recipe."
+        ),
     ] = None,
     level: LevelOption = 0.95,
     data: DataOption = DEFAULT_DATA,
@@ -146,7 +156,8 @@ def master_part(
         int, typer.Option("--baseline", metavar="N", min=1, help="Number of first runs used for the control limits.")
     ] = 10,
     reference: Annotated[
-        float | None, typer.Option("--reference", metavar="X", help="Certified value of the master part.")
+        float | None,
+        typer.Option("--reference", metavar="X", help="Certified value of the master part (a part of known value)."),
     ] = None,
     u_reference: Annotated[
         float, typer.Option("--u-reference", metavar="U", min=0, help="Standard uncertainty of the certified value.")
@@ -186,7 +197,7 @@ def decision(
         typer.Option(
             "--process-gamma",
             metavar="A B",
-            help="Shape and scale of a gamma distribution, instead of mean and standard deviation.",
+            help="Gamma distribution of the process: shape and scale, instead of mean and standard deviation.",
         ),
     ] = None,
     low: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit.")] = None,
@@ -208,7 +219,7 @@ def decision(
     pfa: Annotated[
         float | None,
         typer.Option(
-            "--pfa", metavar="P", help="Find w for this share of wrongly accepted parts, instead of giving w."
+            "--pfa", metavar="P", help="Calculate the guard band that gives this share of wrongly accepted parts."
         ),
     ] = None,
     as_json: JsonOption = False,

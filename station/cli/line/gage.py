@@ -159,7 +159,7 @@ def _of_listed(
         rows.append(by_run[name])
     twice = next((name for name, count in Counter(one.run_id for one in rows).items() if count > 1), None)
     if twice:
-        raise StationError(f"{file}: column run: {twice} is listed more than once; every measurement counts once")
+        raise StationError(f"{file}: column run: run {twice} is listed more than once. Keep one row for each run")
     design = gage_design(operators, parts, [one.value for one in rows])
     return design, dataclasses.replace(stored, values=rows, left_out=Counter())
 
@@ -171,14 +171,15 @@ def _of_runs(stored: StoredValues, by: str) -> GageDesign:
     nobody = [one.run_id for one in stored.values if by == "operator" and not one.operator]
     if nobody:
         raise StationError(
-            f"gage study: {len(nobody)} of {len(stored.values)} runs have no operator, {nobody[0]} for one; measure "
-            "with 'lostmotion run --operator NAME', or list the runs in a CSV file with the columns operator, part, run"
+            f"gage study: {len(nobody)} of {len(stored.values)} runs name no operator, for example run {nobody[0]}. "
+            "Measure with 'lostmotion run --operator NAME', or list the runs in a CSV file with the columns operator, "
+            "part, run"
         )
     names = [operator(one) for one in stored.values]
     if len(set(names)) < 2:
         raise StationError(
-            f"gage study: every run is of one {by} ({names[0]}); expected two or more. Measure on another {by}, or "
-            "list the runs in a CSV file with the columns operator, part and run"
+            f"gage study: all runs have the same {by} ({names[0]}); expected two or more operators, days or benches. "
+            f"Measure with another {by}, or list the runs in a CSV file with the columns operator, part and run"
         )
     return gage_design(names, [one.serial for one in stored.values], [one.value for one in stored.values])
 

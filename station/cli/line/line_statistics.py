@@ -152,7 +152,7 @@ def capability_of(
         if limits == (None, None) and values.stored is not None:
             lower, upper = values.stored.limits.min, values.stored.limits.max
         if lower is None and upper is None:
-            raise StationError(f"capability of {values.name}: {_no_limit(values)}")
+            raise _no_limit(values)
         index = capability(values.values, lower, upper, subgroup, level)
         nearest = index.overall.nearest
         sides.append(Side(values, index, -nearest, f"Ppk {figure(nearest, '', 4)}"))
@@ -170,7 +170,10 @@ def capability_of(
         f"expected beyond limits: {_share(one.outside_fraction)} of the units, if they are normally distributed",
     ]
     if not both:
-        blocks.append("One limit only: Cp and Pp are not defined, Cpk and Ppk use the side that has the limit")
+        blocks.append(
+            "This metric has one limit only, so Cp and Pp cannot be calculated. Cpk and Ppk use the side that has the "
+            "limit"
+        )
     document = CapabilityStudy(source=found.head(), level=level, subgroup=subgroup, found=one)
     return say(document, [*blocks, *of_sides, *found.notes()], as_json=as_json)
 
@@ -187,15 +190,14 @@ def _intervals(one: Capability) -> str:
     return ", ".join(f"{name} {figure(low, '', 3)} … {figure(high, '', 3)}" for name, (low, high) in there.items())
 
 
-def _no_limit(found: Values) -> str:
+def _no_limit(found: Values) -> StationError:
     """Say why there is no limit, and how to give one."""
-    give = "give --min X, --max X or both"
     if found.stored is None:
-        return f"a file has no limits; {give}"
+        return StationError(f"capability of {found.name}: a file has no limits. Give --min X, --max X or both")
     newest = found.stored.values[-1].run_id
-    return (
-        f"the recipe of the newest run, {newest}, has no limit for this metric; {give}, or name another recipe: "
-        "--recipe NAME"
+    return StationError(
+        f"capability of {found.name}: the recipe of the newest run, {newest}, has no limit for this metric. Give "
+        "--min X, --max X or both, or name another recipe: --recipe NAME"
     )
 
 
@@ -255,7 +257,10 @@ def _days(found: Values) -> list[float]:
     table = found.table
     column = None if table is None else next((name for name in TIMES if name in table.columns), None)
     if table is None or column is None:
-        raise StationError(f"{table.file if table else ''}: expected one of the columns {', '.join(TIMES)}")
+        raise StationError(
+            f"file {table.file if table else ''} does not say when each value was measured; expected one of the "
+            f"columns {', '.join(TIMES)}. Add the column"
+        )
     if column in table.numeric():
         return table.numbers(column)
     from datetime import UTC, datetime  # noqa: PLC0415 - for this kind of file only

@@ -101,14 +101,14 @@ def _result(name: str, recipe: str | None, selection: Selection, data: Path) -> 
     path = Path(name)
     if path.is_file():
         if recipe is None:
-            raise StationError(f"{name}: --recipe is missing: it defines how the trace is evaluated")
+            raise StationError(f"file {name}: --recipe is missing. Name the recipe that says how the file is evaluated")
         return elsewhere(path, recipe, None, selection)
     run = Store(data).find(name)
     if run.state() != "complete":
-        raise StationError(f"{run.id}: the run is {run.state()}; expected complete runs. Leave it out")
+        raise StationError(f"run {run.id} is {run.state()}; expected complete runs. Leave this run out")
     result = reevaluate(run, recipe, None, selection)
     if result.altered:
-        raise StationError(f"{run.id}: the record was altered and cannot be used. Leave it out")
+        raise StationError(f"run {run.id}: the record was altered and cannot be used. Leave this run out")
     return result
 
 
@@ -116,15 +116,15 @@ def _same_unit(results: Sequence[Evaluation]) -> None:
     serials = list(dict.fromkeys(str(result.serial) for result in results))
     if len(serials) > 1:
         raise StationError(
-            f"serial numbers {', '.join(serials)}: repeatability is of one unit. Name runs of one serial number",
+            f"the runs have the serial numbers {', '.join(serials)}; repeatability needs runs of one unit. Name runs "
+            "of one serial number",
         )
     for result in results[1:]:
         for one, other in zip(results[0].metrics, result.metrics, strict=False):
             if _is(one) != _is(other) or len(results[0].metrics) != len(result.metrics):
                 raise StationError(
-                    f"{_source(result)}: {metric_name(other)} where {results[0].run} has "
-                    f"{metric_name(one)}: the runs were evaluated by different definitions. Choose one with --recipe, "
-                    "--preset or "
+                    f"runs {results[0].run} and {_source(result)} were evaluated by different definitions: "
+                    f"{metric_name(one)} and {metric_name(other)}. Choose one definition with --recipe, --preset or "
                     "--metric",
                 )
 

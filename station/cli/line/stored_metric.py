@@ -149,9 +149,8 @@ def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:
     if len(found) > 1 and len(exact) != 1:
         there = ", ".join(" ".join(f"{name} {row.choices} ({row.branch})".split()) for row in found)
         raise StationError(
-            f"--metric: {ask.metric} is there {len(found)} times in run {rows[0].run}: {there}. Choose one with "
-            "--branch, "
-            "or add its options to the metric in quotes"
+            f"--metric: run {rows[0].run} has {len(found)} values of {ask.metric}: {there}. Choose one with --branch, "
+            "or name its options behind the metric, in quotes"
         )
     chosen = exact or found
     return chosen[0] if chosen else None

@@ -24,7 +24,7 @@ from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
 from station.store.metric_rows import MetricRow, Place, metric_rows, runs_that_do_not_count, sides_of, values_beside
-from station.store.view import View, look_at, without_collector
+from station.store.view import View, look_at
 
 ATTEMPTS = ("first", "last", "all")
 """Which runs of a serial number count: a retest must not count twice where each unit counts once."""
@@ -107,7 +107,7 @@ def stored_values(data: Path, ask: Ask, only: Collection[str] | None = None) -> 
             recipes or with the output torque from different sensors.
 
     """
-    with _looked_at(data, ask) as view, without_collector():
+    with _looked_at(data, ask) as view:
         return _collected(view, ask, [ask.side], only)[0]
 
 
@@ -116,7 +116,7 @@ def values_of_sides(data: Path, ask: Ask, only: Collection[str] | None = None) -
 
     One side where one is asked for, or where the metric has no sides.
     """
-    with _looked_at(data, ask) as view, without_collector():
+    with _looked_at(data, ask) as view:
         there = () if ask.side is not None else sides_of(view, _name(ask), ask.recipe, ask.serial)
         sides = [side for side in there if side != "both"]
         return _collected(view, ask, sides or [ask.side], only)
@@ -161,8 +161,11 @@ def _of_side(
             rows.append(found)
     rows = _attempts(rows, ask.attempts, left_out)
     if not rows:
-        what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "it holds no runs"
-        raise StationError(f"{data}: no run has a value of {ask.metric}: {what}. See 'lostmotion list'")
+        what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "no runs"
+        raise StationError(
+            f"folder {data}: no run has a usable value of {ask.metric}; found {what}. See 'lostmotion list' for all "
+            "runs"
+        )
     metric = _same(rows, _name(ask))
     pooled = kinds_of(row.metric for row in rows)
     if ask.recipe is None:
@@ -227,24 +230,26 @@ def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
     recipes, torques = _counts(kinds, "recipe"), _counts(kinds, "torque")
     if len(recipes) > 1:
         raise StationError(
-            f"{metric}: found {_listing(recipes, 'recipe')}; only runs of one recipe are comparable. Choose it with "
-            "--recipe NAME"
+            f"{metric}: found {_listing(recipes, 'recipe')}; only runs of one recipe can be compared. Choose "
+            "the recipe with --recipe NAME"
         )
     if len(torques) > 1:
         raise StationError(
-            f"{metric}: found {_listing(torques, 'torque')}; their sensor errors differ. Keep them in separate "
-            f"data folders, or combine them with --recipe {next(iter(recipes))}"
+            f"{metric}: found {_listing(torques, 'torque')}; errors of different torque sensors differ. Keep these "
+            f"runs in separate data folders, or take them together all the same with --recipe {next(iter(recipes))}"
         )
 
 
 def _attempts(rows: list[StoredValue], which: str, left_out: Counter[str]) -> list[StoredValue]:
     if which == "all":
         return rows
-    in_turn = rows if which == "last" else reversed(rows)
-    kept = {row.metric.serial: row for row in in_turn}  # the later one stays
+    kept: dict[str, StoredValue] = {}
+    for row in rows if which == "first" else reversed(rows):
+        kept.setdefault(row.metric.serial, row)
     if len(rows) > len(kept):
         left_out[f"that are not the {which} of their unit"] += len(rows) - len(kept)
-    return sorted(kept.values(), key=lambda row: row.metric.run)
+    found = list(kept.values())
+    return found if which == "first" else found[::-1]
 
 
 def _same(rows: list[StoredValue], name: str) -> MetricRow:
@@ -256,8 +261,9 @@ def _same(rows: list[StoredValue], name: str) -> MetricRow:
         if of(other) != meaning:
             differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
             raise StationError(
-                f"runs {other.run} and {metric.run} mean different things by {name}: {differs[0]} is "
-                f"{_shown(other, differs[0])} and {_shown(metric, differs[0])}. Choose runs of one recipe with --recipe"
+                f"runs {other.run} and {metric.run} define {name} differently: option {differs[0]} is "
+                f"{_shown(other, differs[0])} in one and {_shown(metric, differs[0])} in the other. Choose runs of one "
+                "recipe with --recipe"
             )
     return metric
 

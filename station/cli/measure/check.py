@@ -148,7 +148,7 @@ def rule_text(recipe: Recipe) -> str:
     decision = recipe.decision
     if decision.rule == "simple":
         return "simple: the measured value is compared with the limit"
-    return f"guard band: nearer to the limit than w = {decision.guard_factor:g} U, a value is NOT DECIDABLE"
+    return f"guard band: a value nearer to its limit than w = {decision.guard_factor:g} U is NOT DECIDABLE"
 
 
 def check(recipe: str, bench: str | None, *, as_json: bool) -> int:

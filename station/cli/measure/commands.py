@@ -66,7 +66,7 @@ def run(
     wall_clock: WallClockOption = False,
     pace: Annotated[
         Pace,
-        typer.Option("--pace", help="On a bench that waits for the scan: run in real time, or as fast as possible."),
+        typer.Option("--pace", help="On a virtual bench: run in real time, or as fast as possible."),
     ] = Pace.deadlines,
     seed: SeedOption = None,
     operator: Annotated[
@@ -80,7 +80,11 @@ def run(
     ] = None,
     study: Annotated[
         str | None,
-        typer.Option("--study", metavar="NAME", help="Measure the next step of this guided study; not production."),
+        typer.Option(
+            "--study",
+            metavar="NAME",
+            help="Measure the next step of this guided study. The run does not count as production.",
+        ),
     ] = None,
     report: ReportOption = None,
     judged: Annotated[
@@ -126,7 +130,11 @@ def line(
     data: DataOption = DEFAULT_DATA,
     models: Annotated[
         Path | None,
-        typer.Option("--models", metavar="FILE", help="Table of models. Default: models.yaml in the data folder."),
+        typer.Option(
+            "--models",
+            metavar="FILE",
+            help="File that names the recipe of each model. Default: models.yaml in the data folder.",
+        ),
     ] = None,
     operator: Annotated[str | None, typer.Option("--operator", metavar="NAME", help="Name of the operator.")] = None,
     fast: Annotated[
@@ -161,7 +169,7 @@ def recover(
     bench: BenchOption = None,
     data: DataOption = DEFAULT_DATA,
     yes: Annotated[
-        bool, typer.Option("--yes", help="Skip the question. Only after you have checked the bench.")
+        bool, typer.Option("--yes", help="Recover the bench without a question. Only after you have checked the bench.")
     ] = False,
     by_signal: Annotated[
         bool,

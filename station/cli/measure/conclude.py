@@ -87,9 +87,9 @@ def _line(row: ConcludedRow) -> str:
         brought = f", {row.records_brought} scans brought from memory" if row.records_brought else ""
         return f"{row.run}: {row.state}, {row.verdict}{brought}"
     if row.outcome == STILL_RUNNING:
-        return f"{row.run}: still running. Take it over: 'lostmotion resume {row.run}'"
+        return f"run {row.run} is still in progress. Take it over: 'lostmotion resume {row.run}'"
     if row.outcome == OWNED:
-        return f"{row.run}: another process is using it. Try again when it has ended"
+        return f"run {row.run}: another process is using this run. Try again when that process has ended"
     if row.outcome == WITHOUT_VERDICT:
-        return f"{row.run}: interrupted, without a verdict: {row.error}"
-    return f"{row.run}: not concluded: {row.error}. Then run 'lostmotion conclude {row.run}' again"
+        return f"run {row.run} was interrupted and has no verdict: {row.error}"
+    return f"run {row.run} could not be concluded: {row.error}. Correct this, then run 'lostmotion conclude {row.run}'"

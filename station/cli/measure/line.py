@@ -37,7 +37,7 @@ ENDINGS = {0: "PASS", 1: "FAIL", 3: "NOT DECIDABLE"}
 
 DO = {
     "PASS": "Scan the next unit.",
-    "FAIL": f"Put the unit into the NOK box and scan its code, or type {NOK}.",
+    "FAIL": f"Put the unit into the NOK box (bad units). Then scan the code on the box, or type {NOK}.",
     "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and give the reason.",
 }
 ELSE = "Call the technician to the bench."
@@ -53,7 +53,7 @@ def _to_do(now: Situation, verdict: str) -> str:
     own = "" if now.job is None else now.job.recipe.what_to_do.after(verdict)
     if not own:
         return DO[verdict]
-    return f"{own} Then scan its code, or type {NOK}." if verdict == "FAIL" else own
+    return f"{own} Then scan the code on the NOK box, or type {NOK}." if verdict == "FAIL" else own
 
 
 class NoLabels:
@@ -103,7 +103,7 @@ class PrintedLabels(NoLabels):
                 return f"REFUSED  {error}"
             told |= {"run": found.run, "serial": found.serial}
             audit.write(connection, self._operator, "read_label", audit.DONE, told)
-        return f"The label of unit {found.serial} is on it. {DO['PASS']}"
+        return f"The label on unit {found.serial} is the right one. Scan the next unit."
 
 
 class Line:

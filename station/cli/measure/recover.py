@@ -83,8 +83,8 @@ def recover(
     table = sound_table(content, layout)
     if not len(table):
         raise StationError(
-            f"{run.id}: has no readable records, so the state of the bench is not known. Treat the unit as "
-            "wound up: keep clear of its shafts"
+            f"run {run.id} has no readable records, so the state of the bench is not known. The unit may still be "
+            "under torque: keep clear of its shafts"
         )
     result, doubts = result_and_doubts(run)
     as_it_was_left = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not doubts
@@ -96,7 +96,10 @@ def recover(
         stream.write(line + "\n")
         stream.flush()
 
-    say(f"Run {run.id} of {manifest.serial} ended: {manifest.state}, {before.text if before else ''}")
+    say(
+        f"Run {run.id} of unit {manifest.serial} ended as {manifest.state}. Bench: "
+        f"{before.text if before else 'unknown'}"
+    )
     if manifest.state in ("complete", "stopped"):
         say("the run ended normally: unloaded, lock open, drive off. Nothing to recover")
         if as_json:
@@ -105,8 +108,8 @@ def recover(
         return 0
     if manifest.bench.embedded and bench is None:
         raise StationError(
-            f"{run.id}: its virtual bench ended with the run, so there is nothing to recover. Name a bench that is "
-            "still running with --bench"
+            f"run {run.id} was on a virtual bench, which ended with the run, so there is nothing to recover. Name a "
+            "bench that is still running with --bench"
         )
     if not (yes or by_signal) and not sys.stdin.isatty():
         raise StationError(
@@ -150,7 +153,7 @@ def _conclude_if_deserted(run: RunRecord) -> None:
     """Conclude the run that the recovery begins at; where that cannot be done now, its samples have to do."""
     if run.scanning():
         raise StationError(
-            f"{run.id}: still running (pid {run.scanning()}). Take it over: 'lostmotion resume {run.id}'"
+            f"run {run.id} is still in progress (pid {run.scanning()}). Take it over: 'lostmotion resume {run.id}'"
         )
     try:
         conclude_deserted(run)
@@ -186,12 +189,14 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
             virtual = True
         elif clock_of(manifest.clock) in (WALL, SCAN) and run.records():
             if run.state() == "recording":
-                raise StationError(f"{run.id}: this run is still in progress. Wait for its end, or stop it")
+                raise StationError(f"run {run.id} is still in progress. Wait for its end, or stop it")
             return run
-    on = f" on bench {name}" if name else ""
+    on = f"bench {name}" if name else "a bench"
     if virtual:
-        raise StationError(f"{store.data}: the runs{on} were in virtual time: there is no bench to recover")
-    raise StationError(f"{store.data}: no run{on} has a record. Name the folder of the runs with --data")
+        raise StationError(
+            f"folder {store.data}: all runs on {on} were in virtual time, so there is no bench to recover"
+        )
+    raise StationError(f"folder {store.data} has no recorded run on {on}. Name the folder of the runs with --data")
 
 
 def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | None) -> RunRecord:

@@ -172,7 +172,7 @@ def _study_step(options: Options, serial: str, scenario: Source | None, job: Job
     from station.quality.guided.progress import look, place_of  # noqa: PLC0415 - for studies only
 
     if scenario is not None:
-        raise StationError("--scenario: a run with injected faults is no measurement of a study. Leave it out")
+        raise StationError("--scenario: a run with injected faults cannot count in a study. Leave out --scenario")
     return place_of(look(options.data, options.study or ""), serial, options.operator, job)
 
 
@@ -193,7 +193,7 @@ def _refuse_another(judged: tuple[str, ...], job: Job) -> None:
     for source in (job.recipe_source, job.bench_source):
         if judged and source.sha256 not in judged:
             raise StationError(
-                f"{source.path}: was changed after the start had been allowed (SHA-256 {source.sha256[:12]}…). "
+                f"file {source.path} was changed after the start was allowed (SHA-256 now {source.sha256[:12]}…). "
                 "Nothing was started. Scan the unit again"
             )
 
@@ -318,7 +318,7 @@ def _serial(options: Options, job: Job) -> str:
     if job.bench.bench.embedded or options.virtual_time:
         return UNNAMED
     raise StationError(
-        "--serial is missing: scan the unit's label, or give --serial SN (the embedded bench needs none)"
+        "--serial is missing: scan the unit's label, or give --serial SN (only the embedded virtual bench needs none)"
     )
 
 
@@ -328,7 +328,7 @@ def _unit(options: Options, job: Job) -> VirtualUnit | None:
         if options.unit is not None or options.scenario is not None or options.seed is not None:
             raise StationError(
                 f"--unit, --seed and --scenario are for the virtual bench; {job.bench_source.path} is a real one. "
-                "Leave them out, or add --virtual-time",
+                "Leave these options out, or add --virtual-time",
             )
         return None
     from station.bench.assemble_virtual import choose_unit  # noqa: PLC0415 - brings the virtual bench, which a real one does not need

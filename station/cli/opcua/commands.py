@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from station.opcua.outbox import Outbox
 
-opcua_app = typer.Typer(help="The bench as an OPC UA server for the systems of a plant.", no_args_is_help=True)
+opcua_app = typer.Typer(help="Serve the bench to the systems of a plant by OPC UA.", no_args_is_help=True)
 
 
 def _needs_asyncua() -> None:
@@ -60,7 +60,7 @@ def opcua_certificate(
         typer.Option("--name", metavar="NAME", help="Another host name or address of this computer; repeatable."),
     ] = None,
     replace: Annotated[
-        bool, typer.Option("--replace", help="Replace the certificate: all clients have to trust the new one.")
+        bool, typer.Option("--replace", help="Replace the certificate. All clients then have to trust the new one.")
     ] = False,
 ) -> None:
     """Make the key and the certificate by which clients know this server."""
@@ -117,7 +117,7 @@ def opcua_forget(
     name: Annotated[str, typer.Argument(metavar="CLIENT", help="Name of the client in opcua.yaml.")],
     data: DataOption = DEFAULT_DATA,
 ) -> None:
-    """Delete the results that wait for a client which is no longer in opcua.yaml."""
+    """Delete the results that wait for a client that opcua.yaml no longer lists."""
     with _outbox(data) as outbox:
         sys.stdout.write(f"forgotten  {name}, with {outbox.forget(name)} results that it was owed\n")
 
@@ -130,7 +130,9 @@ def _outbox(data: Path) -> Iterator[Outbox]:
     from station.web.people.database import FILE, StationDatabase
 
     if not (data / FILE).is_file():
-        raise StationError(f"{data}: has no {FILE}: no server ran with this folder. Name another folder with --data")
+        raise StationError(
+            f"folder {data} has no {FILE}: no server ran with this folder. Name another folder with --data"
+        )
     database = StationDatabase(data)
     try:
         yield Outbox(database, data)

@@ -24,7 +24,9 @@ def write_outbox(data: Path, *, as_json: bool) -> int:
     """
     settings = load_aqdef(data)
     if settings is None:
-        raise StationError(f"{data / FILE}: is missing, so no file is written. Write it: see docs/quality.md")
+        raise StationError(
+            f"{data / FILE}: is missing, so no AQDEF file is written. Write this settings file: see docs/quality.md"
+        )
     database = StationDatabase(data)
     try:
         begin_here(database, data)

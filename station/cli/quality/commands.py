@@ -42,16 +42,23 @@ UntilOption = Annotated[
 ]
 VirtualOption = Annotated[bool, typer.Option("--virtual", help="Units of the virtual bench instead of real units.")]
 NewestOption = Annotated[
-    int, typer.Option("--newest", metavar="N", min=3, help="Number of newest first attempts to use.")
+    int,
+    typer.Option(
+        "--newest", metavar="N", min=3, help="Number of newest first attempts (first measurement of a unit) to use."
+    ),
 ]
 WantedMetric = Annotated[str, typer.Option("--metric", metavar="ID", help="Metric of the runs, as 'metrics' lists it.")]
 SubgroupOption = Annotated[
     int,
-    typer.Option("--subgroup", metavar="N", min=1, help="Subgroup size. 1: moving range."),
+    typer.Option(
+        "--subgroup", metavar="N", min=1, help="Subgroup size. 1: single values, with the moving range as their spread."
+    ),
 ]
 ByOption = Annotated[
     str | None,
-    typer.Option("--by", metavar="WHAT", help="bench, operator, recipe, revision, model, shift, day or month."),
+    typer.Option(
+        "--by", metavar="WHAT", help="Group by bench, operator, recipe, revision, model, shift, day or month."
+    ),
 ]
 NEWEST = 2000
 
@@ -142,7 +149,11 @@ def chart(
     metric: WantedMetric,
     rules: Annotated[
         list[str] | None,
-        typer.Option("--rules", metavar="NAME", help="shewhart (default), western-electric, nelson, or single rules."),
+        typer.Option(
+            "--rules",
+            metavar="NAME",
+            help="Rules of the control chart: shewhart (default), western-electric, nelson, or single ones.",
+        ),
     ] = None,
     subgroup: SubgroupOption = 5,
     baseline: Annotated[
@@ -187,7 +198,8 @@ def chart(
 def trend(
     metric: WantedMetric,
     by: Annotated[
-        str, typer.Option("--by", metavar="WHAT", help="bench, operator, revision, model, shift, day or month.")
+        str,
+        typer.Option("--by", metavar="WHAT", help="Group by bench, operator, revision, model, shift, day or month."),
     ] = "bench",
     side: SideOption = None,
     branch: BranchOption = None,
@@ -222,7 +234,9 @@ def type1(
     ],
     tolerance: Annotated[
         float | None,
-        typer.Option("--tolerance", metavar="X", help="Upper minus lower limit. Default: the recipe's."),
+        typer.Option(
+            "--tolerance", metavar="X", help="Tolerance: upper minus lower limit. Default: that of the recipe."
+        ),
     ] = None,
     share: Annotated[
         float,
@@ -253,11 +267,21 @@ def type1(
 @quality_app.command()
 def trial(
     metric: WantedMetric,
-    lower: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit to try; nan: none.")] = None,
-    upper: Annotated[float | None, typer.Option("--max", metavar="X", help="Upper limit to try; nan: none.")] = None,
+    lower: Annotated[
+        float | None, typer.Option("--min", metavar="X", help="Lower limit to try; nan: no limit.")
+    ] = None,
+    upper: Annotated[
+        float | None, typer.Option("--max", metavar="X", help="Upper limit to try; nan: no limit.")
+    ] = None,
     guard_factor: Annotated[
         float | None,
-        typer.Option("--guard-factor", metavar="R", min=0.0, max=3.0, help="Guard band r·U to try; 0: simple rule."),
+        typer.Option(
+            "--guard-factor",
+            metavar="R",
+            min=0.0,
+            max=3.0,
+            help="Guard band to try, as a multiple of the uncertainty U. 0: no guard band.",
+        ),
     ] = None,
     branch: BranchOption = None,
     recipe: RecipeFilter = None,
@@ -291,7 +315,7 @@ def dfq(
     outbox: Annotated[
         bool,
         typer.Option(
-            "--outbox", help="Write once what aqdef.yaml asks for and is complete, as 'serve' does all along."
+            "--outbox", help="Write now all complete files that aqdef.yaml asks for; 'serve' does this continuously."
         ),
     ] = False,
     recipe: RecipeFilter = None,
@@ -308,7 +332,9 @@ def dfq(
     from station.errors import StationError
 
     if outbox == (out is not None):
-        raise StationError("--out FILE writes a lot, --outbox what aqdef.yaml asks for. Give exactly one of them")
+        raise StationError(
+            "--out FILE writes one lot; --outbox writes the files that aqdef.yaml asks for. Give exactly one of them"
+        )
     if out is None:
         from station.cli.quality.aqdef import write_outbox
 
@@ -333,7 +359,11 @@ def report(
     loops: Annotated[
         int,
         typer.Option(
-            "--loops", metavar="N", min=0, max=1000, help="Number of newest loops to draw; each is evaluated again."
+            "--loops",
+            metavar="N",
+            min=0,
+            max=1000,
+            help="Number of newest torque-angle loops to draw; each is evaluated again.",
         ),
     ] = 30,
     locale: Annotated[
@@ -401,7 +431,7 @@ def validation(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Validation pack for a customer's auditor: installation, operation, performance, filled from this installation.
+    """Write a validation pack for a customer's auditor: installation, operation and performance of this bench.
 
     Exit code: 0 when everything is met, 1 when something is not met or open, 2 bad input.
     """
@@ -412,7 +442,7 @@ def validation(
     if check is not None:
         raise typer.Exit(command.check(check, as_json=as_json))
     if out is None:
-        raise StationError("quality validation: found no --out; name a new folder to write the pack to")
+        raise StationError("quality validation: --out is missing. Name a new folder for the validation pack")
     parts = tuple(known_part(one) for one in type1 or ())
     lot = _lot(recipe, None, None, since, until, virtual)
     files = tuple(tests or ()), tuple(evidence or ())

@@ -192,8 +192,10 @@ def print_chart(data: Path, lot: Lot, asked: ChartAsked, *, as_json: bool) -> in
 
 def _false_alarms(hourly: float, units_per_hour: float) -> str:
     """Return what the rules cost: a line has several metrics, and the false alarms of their charts add up."""
-    each = f"one chart: a false alarm every {1.0 / hourly:.3g} h at {units_per_hour:g} units an hour"
-    return f"{each}; {SEVERAL} charts: a false alarm every {1.0 / (SEVERAL * hourly):.2g} h"
+    return (
+        f"one chart: a false alarm every {1.0 / hourly:.3g} h at {units_per_hour:g} units an hour; {SEVERAL} charts: a "
+        f"false alarm every {1.0 / (SEVERAL * hourly):.2g} h"
+    )
 
 
 def run_length_text(one: RunLength) -> str:
@@ -224,9 +226,9 @@ def print_trend(  # noqa: PLR0917 - what is asked for
         Grid((by, "n", "mean", f"{level:.0%} interval", "standard deviation", ""), rows, right=(1, 2, 3, 4)),
     ]
     blocks.append(
-        f"standard deviation within one {by} {figure(one.sd_within, unit, 3)}, between them "
-        f"{figure(one.sd_between, unit, 3)} "
-        f"({percent(one.share_between)} of the variance); by chance alone: probability {one.p_same:.2g}"
+        f"standard deviation within one {by}: {figure(one.sd_within, unit, 3)}; between groups: "
+        f"{figure(one.sd_between, unit, 3)} ({percent(one.share_between)} of the variance). Probability that the "
+        f"groups differ by chance alone: {one.p_same:.2g}"
     )
     notes += _meanings([(found.metric.name, found.other_meanings)])
     return say(found, [*blocks, *notes], as_json=as_json)

@@ -31,7 +31,14 @@ PersonOption = Annotated[
 @guided_app.command()
 def begin(
     name: NameArgument,
-    kind: Annotated[str, typer.Option("--kind", metavar="KIND", help="type1 or gage.")],
+    kind: Annotated[
+        str,
+        typer.Option(
+            "--kind",
+            metavar="KIND",
+            help="Kind of study: type1 (one unit of known value) or gage (several units and operators).",
+        ),
+    ],
     recipe: Annotated[
         str, typer.Option("--recipe", metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")
     ],
@@ -51,7 +58,9 @@ def begin(
     tolerance: Annotated[
         list[float] | None,
         typer.Option(
-            "--tolerance", metavar="X", help="Upper minus lower limit; one for each metric. Default: the recipe's."
+            "--tolerance",
+            metavar="X",
+            help="Tolerance: upper minus lower limit; one for each metric. Default: that of the recipe.",
         ),
     ] = None,
     operator: Annotated[
@@ -59,16 +68,31 @@ def begin(
     ] = None,
     trials: Annotated[
         int | None,
-        typer.Option("--trials", metavar="N", min=1, help="Measurements of each unit by each operator. 50 or 3."),
+        typer.Option(
+            "--trials",
+            metavar="N",
+            min=1,
+            help="Number of measurements of each unit by each operator. Default: 50 for type1, 3 for gage.",
+        ),
     ] = None,
     share: Annotated[
         float,
         typer.Option(
-            "--share", metavar="P", min=1.0, max=100.0, help="Share of the tolerance, for a type 1 study [%]."
+            "--share",
+            metavar="P",
+            min=1.0,
+            max=100.0,
+            help="Share of the tolerance that the spread is compared with, for a type 1 study [%].",
         ),
     ] = 20.0,
     seed: Annotated[
-        int | None, typer.Option("--seed", metavar="N", min=0, help="Seed of the order. Drawn by default, and kept.")
+        int | None,
+        typer.Option(
+            "--seed",
+            metavar="N",
+            min=0,
+            help="Seed of the random order of the measurements. Default: a random one, which the study keeps.",
+        ),
     ] = None,
     bench: BenchOption = None,
     by: PersonOption = None,
@@ -99,7 +123,7 @@ def begin(
 def next_(
     name: NameArgument, by: PersonOption = None, data: DataOption = DEFAULT_DATA, as_json: JsonOption = False
 ) -> None:
-    """Take the runs that have come since, and say which unit to put on next, and who measures it."""
+    """Add the runs measured so far to a study, and print which unit is measured next, and by whom."""
     from station.cli.quality import study
 
     raise typer.Exit(study.tell_next(data, name, by, as_json=as_json))
@@ -115,7 +139,12 @@ def measure(
         ),
     ] = None,
     operator: Annotated[
-        str | None, typer.Option("--operator", metavar="NAME", help="Who measures, where the study has operators.")
+        str | None,
+        typer.Option(
+            "--operator",
+            metavar="NAME",
+            help="Name of the operator who measures, if the plan of the study names operators.",
+        ),
     ] = None,
     every: Annotated[
         bool, typer.Option("--all", help="On the virtual bench: measure every step that is left.")
@@ -129,7 +158,10 @@ def measure(
     seed: Annotated[
         int | None,
         typer.Option(
-            "--seed", metavar="N", min=0, help="On the virtual bench: seed of the noise; N plus step for each."
+            "--seed",
+            metavar="N",
+            min=0,
+            help="On the virtual bench: seed of the noise. Each step uses N plus its own number.",
         ),
     ] = None,
     data: DataOption = DEFAULT_DATA,

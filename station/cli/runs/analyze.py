@@ -114,8 +114,8 @@ def reevaluation_heading(result: Evaluation) -> str:
     bench = f" on bench {with_bench}" if with_bench else ""
     selection = f" by the definitions of {', '.join(result.selection)}" if result.selection else ""
     return (
-        f"RE-EVALUATED with {recipe.name} rev {recipe.revision} ({recipe.sha256[:8]}){bench}{selection}, "
-        f"not the run's own verdict ({original})"
+        f"RE-EVALUATED with recipe {recipe.name} revision {recipe.revision} ({recipe.sha256[:8]}){bench}{selection}. "
+        f"The run's own verdict was {original}"
     )
 
 
@@ -147,7 +147,8 @@ def show_monte_carlo(console: Console, metrics: Sequence[MetricValue]) -> None:
     left = [metric_name(row) for row in rows if row.monte_carlo is None]
     if left:
         console.print(
-            f"Without Monte Carlo, because they have no uncertainty budget: {', '.join(left)}", highlight=False
+            f"These metrics have no Monte Carlo values, because they have no uncertainty budget: {', '.join(left)}",
+            highlight=False,
         )
     console.print()
 

@@ -24,7 +24,7 @@ from station.cli.options import (
 
 def list_runs(
     limit: Annotated[int, typer.Option("--limit", metavar="N", min=1, help="Number of newest runs to list.")] = 50,
-    everything: Annotated[bool, typer.Option("--all", help="All runs.")] = False,
+    everything: Annotated[bool, typer.Option("--all", help="List all runs.")] = False,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
@@ -98,7 +98,9 @@ def analyze(
     bench: Annotated[
         str | None,
         typer.Option(
-            "--bench", metavar="FILE", help="Bench on which the trace was recorded, for its fixture and calibrations."
+            "--bench",
+            metavar="FILE",
+            help="Bench file of the bench on which the file was recorded; it gives fixture and calibrations.",
         ),
     ] = None,
     preset: PresetOption = None,
@@ -143,10 +145,16 @@ def reevaluate(
     metric: ChosenMetricOption = None,
     limits: Annotated[
         str | None,
-        typer.Option("--limits", metavar="TEXT", help='Other limits: "lost_motion max=0.9", also min, guard, branch.'),
+        typer.Option(
+            "--limits",
+            metavar="TEXT",
+            help='Evaluate with other limits of one metric, as in "lost_motion max=0.9" or "stiffness_at branch=mean '
+            'min=10 guard=0.5"; min, max and guard (width of the guard band) are in the unit of the metric.',
+        ),
     ] = None,
     workers: Annotated[
-        int | None, typer.Option("--workers", metavar="N", min=1, help="Processes. Default: one for each core.")
+        int | None,
+        typer.Option("--workers", metavar="N", min=1, help="Number of parallel processes. Default: one for each core."),
     ] = None,
     cluster: Annotated[
         str | None,
@@ -155,7 +163,8 @@ def reevaluate(
         ),
     ] = None,
     archive: Annotated[
-        bool, typer.Option("--archive", help="Read the runs in the archive, also those that are here.")
+        bool,
+        typer.Option("--archive", help="Read all runs from the archive, even those that are in the data folder too."),
     ] = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="A row for each run, as CSV on standard output.")] = False,
     data: DataOption = DEFAULT_DATA,
@@ -185,7 +194,11 @@ def export(
     name: RunArgument,
     file_format: Annotated[
         str,
-        typer.Option("--format", metavar="FORMAT", help="File format: parquet, csv, mat, tdms; dfq: values."),
+        typer.Option(
+            "--format",
+            metavar="FORMAT",
+            help="File format: parquet, csv, mat or tdms for all samples; dfq for the measured values (AQDEF).",
+        ),
     ] = "parquet",
     out: Annotated[
         Path | None,

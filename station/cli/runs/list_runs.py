@@ -13,7 +13,7 @@ from station.errors import StationError
 from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.run.run_list import RunRow, print_runs, row
 from station.store.stored_runs import StoredRun, believed, runs_named
-from station.store.view import View, look_at, without_collector
+from station.store.view import View, look_at
 
 NEWEST = 50
 """Runs that are read from their folders each time, so that nothing but folder and chain has a say in what they are."""
@@ -32,7 +32,7 @@ def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
     if not data.is_dir():
         what = "is a file" if data.exists() else "there is no such folder"
         raise StationError(f"--data {data}: {what}; a folder that holds runs is needed, as 'lostmotion run' makes it")
-    with look_at(data) as view, without_collector():
+    with look_at(data) as view:
         left_out = 0 if limit is None else max(len(view.runs) - limit, 0)
         rows = list_rows(view, view.runs[left_out:])
     if as_json:
@@ -52,8 +52,7 @@ def _below(rows: list[RunRow]) -> list[str]:
     lines = [f"damaged  {one.run}: {one.error}" for one in rows if one.state == "damaged"]
     waiting = sum(one.state == NOT_CONCLUDED and not one.scanning for one in rows)
     if waiting:
-        what = "run is" if waiting == 1 else "runs are"
-        lines.append(f"{waiting} {what} not concluded: 'lostmotion conclude --all' evaluates them")
+        lines.append(f"runs that are not evaluated yet: {waiting}. 'lostmotion conclude --all' evaluates them")
     return lines
 
 

@@ -20,7 +20,7 @@ from station.results.csv_cells import text_cell
 EXIT_FAILED = 1
 MOST_SHOWN = 20
 SAID_EVERY = 100
-BESIDE = "No stored verdict was changed: these results stand beside them, in"
+BESIDE = "No stored verdict was changed. These results were stored separately, in folder"
 
 
 @dataclass(frozen=True)
@@ -61,7 +61,9 @@ def _question(asked: Asked) -> Question | LimitsQuestion:
     if asked.limits is None:
         return question_of(asked.recipe, asked.preset, asked.metrics)
     if asked.recipe or asked.preset or asked.metrics:
-        raise ReevaluationError("--limits: is a question of its own; leave out --recipe, --metric and --preset")
+        raise ReevaluationError(
+            "--limits cannot be combined with --recipe, --metric or --preset. Leave those options out"
+        )
     return limits_of(asked.limits)
 
 

@@ -53,7 +53,8 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
     run, is_jog = find_record(data, name)
     if is_jog and other is not None:
         raise StationError(
-            f"--recipe: {run.id} is a jog, which nothing of a recipe is run in. Replay it without --recipe"
+            f"--recipe: {run.id} is a jog (the shaft was turned by hand control), which uses no recipe. Replay it "
+            "without --recipe"
         )
     altered = alterations(run)
     try:
@@ -216,14 +217,14 @@ def _lines(report: ReplayReport, found: Replayed, period_ns: int) -> list[str]:
     lines = [f"{report.run} ({report.state}): {found.identical} scans replayed identically ({speed})"]
     if found.cut_bytes:
         lines.append(
-            f"{found.cut_bytes} bytes of a last, incomplete record are left out: it was cut while being written"
+            f"{found.cut_bytes} bytes at the end of the file were left out: the last record was not written completely"
         )
     decisions = report.decisions
     if decisions.recorded != decisions.now:
         lines.append(_decided_otherwise(decisions, same=found.same))
     lines += [f"order not compared: {text}" for text in report.not_compared]
     if found.damage:
-        lines.append(f"the record is damaged: {found.damage}")
+        lines.append(f"the record is damaged: {found.damage}. Restore it from a backup")
     lines += [
         f"this version compiles the recorded recipe to another program: {text}" for text in report.program_differs[:8]
     ]

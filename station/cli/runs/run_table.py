@@ -17,7 +17,7 @@ from station.results.export import LOCALES
 from station.store.run_csv import csv_of
 from station.store.run_table import RUN_COLUMNS, RunTableRow, run_table
 from station.store.stored_runs import Wanted
-from station.store.view import look_at, without_collector
+from station.store.view import look_at
 
 SHOWN = ("run", "serial", "attempt", "recipe", "verdict")
 """Columns on the screen; the CSV has all."""
@@ -41,7 +41,7 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
     if out is not None:
         refuse_records(out)
     wanted = wanted._replace(since=None if wanted.since is None else moment_of(wanted.since))
-    with look_at(data) as view, without_collector():
+    with look_at(data) as view:
         rows = run_table(view, wanted)
     if out is not None:
         with writing(out):

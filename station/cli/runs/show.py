@@ -43,7 +43,11 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
         soft_wrap=True,
     )
     if is_sealed(manifest) and not vouched_for(run):
-        console.print(f"no {CHAIN} in the data folder: run.json cannot be verified", style="yellow", highlight=False)
+        console.print(
+            f"file {CHAIN} is missing in the data folder, so this run's record cannot be verified",
+            style="yellow",
+            highlight=False,
+        )
     show_result(console, found)
     if found.altered:
         console.print(altered_banner(found.altered))

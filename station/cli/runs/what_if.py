@@ -183,20 +183,20 @@ def what_if_lines(found: Answer, period_ns: int) -> list[str]:
     if divergence is not None:
         when = f"scan {divergence.scan} ({divergence.t_s:.3f} s, {divergence.state})"
         lines.append(f"  first difference at {when}: {divergence.cause}")
-        lines.append("  the run would have been different from there on")
+        lines.append("  with the other recipe, the run would have been different from there on")
     lines += [_interlock_line(one, period_ns) for one in found.interlocks if one.exact]
     inexact = [_interlock_line(one, period_ns) for one in found.interlocks if not one.exact]
     told = [*(f"  {text}" for text in found.tares), *(_metric_line(one) for one in found.metrics)]
     if found.exact:
         lines += told
     elif inexact or told:
-        lines.append("  estimated from the recorded load, not from the load that the other recipe would give:")
+        lines.append("  estimated values, calculated from the recorded load and not from the load of the other recipe:")
         lines += [f"  {line}" for line in (*inexact, *told)]
     if verdict.recorded != verdict.other:
         why = f": {verdict.reasons[0]}" if verdict.reasons else ""
         lines.append(f"  verdict: {verdict.recorded} as recorded, {verdict.other} with the other recipe{why}")
     if not found.changed:
-        lines.append("  nothing would have changed")
+        lines.append("  with the other recipe, nothing would have changed")
     return lines
 
 

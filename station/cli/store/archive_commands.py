@@ -11,7 +11,7 @@ import typer
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
 
 archive_app = typer.Typer(
-    help="Archive of sealed runs as Parquet in a folder or an S3 bucket, by archive.yaml in the data folder.",
+    help="Archive of concluded runs in a folder or an S3 bucket. Settings: archive.yaml in the data folder.",
     no_args_is_help=True,
 )
 

@@ -22,7 +22,8 @@ retention_app = typer.Typer(
     no_args_is_help=True,
 )
 RulesOption = Annotated[
-    Path | None, typer.Option("--rules", metavar="FILE", help="Rules. Default: retention.yaml in the data folder.")
+    Path | None,
+    typer.Option("--rules", metavar="FILE", help="File with the rules. Default: retention.yaml in the data folder."),
 ]
 
 
@@ -49,7 +50,7 @@ def retention_apply(
 ) -> None:
     """Remove the runs whose retention time is over and that are in a backup, or in the archive.
 
-    Exit code: 0, 1 some kept, 2 bad input.
+    Exit code: 0 all removed, 1 some were kept, 2 bad input.
     """
     from station.cli.store import retention as command_retention
 
@@ -87,7 +88,7 @@ def backup(
 
 
 def restore(
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="Backup to restore.")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="Backup file to restore.")],
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:

@@ -56,7 +56,8 @@ def apply_retention(data: Path, rules: Path | None, backup: Path | None, operato
     asked = {one.kept_in for one in planned if not one.why_not}
     if BACKUP in asked and backup is None:
         raise StationError(
-            "--backup is missing: a rule keeps copies in a backup. Name it, or write kept_in: archive into the rule"
+            "--backup is missing: a rule needs a copy of each run in a backup. Name the backup file, or write kept_in: "
+            "archive into the rule"
         )
     place = Place(load_settings(data)) if ARCHIVE in asked else None
 
@@ -93,4 +94,4 @@ def _audit(data: Path, person: str, removed: tuple[Planned, ...]) -> None:
 
 def _line(one: Planned) -> str:
     outcome = f"stays: {one.why_not}" if one.why_not else f"then {one.then}"
-    return f"{one.run}  {one.days} days, rule '{one.rule}', {outcome}"
+    return f"run {one.run} is {one.days} days old, rule '{one.rule}': {outcome}"

@@ -89,14 +89,24 @@ def frequency(
     trace: Annotated[str, typer.Argument(metavar="TRACE", help="Stored run, or a CSV, Parquet or TDMS file.")],
     band: Annotated[
         str | None,
-        typer.Option("--band", metavar="LOW:HIGH", help="Band of the chirp [Hz]. Default: that of the run's sweep."),
+        typer.Option(
+            "--band",
+            metavar="LOW:HIGH",
+            help="Frequency band of the torque sweep (chirp), LOW:HIGH [Hz]. Default: that of the run.",
+        ),
     ] = None,
     period: Annotated[
-        float | None, typer.Option("--period", metavar="S", help="Period of a chirp that repeats [s].")
+        float | None, typer.Option("--period", metavar="S", help="Period of a torque sweep (chirp) that repeats [s].")
     ] = None,
     coherence: Annotated[
         float,
-        typer.Option("--coherence", metavar="C", min=0.0, max=1.0, help="Smallest coherence of the lines to use."),
+        typer.Option(
+            "--coherence",
+            metavar="C",
+            min=0.0,
+            max=1.0,
+            help="Smallest coherence of the spectral lines to use (0 to 1).",
+        ),
     ] = 0.9,
     recipe: Annotated[
         str | None,
@@ -117,11 +127,17 @@ def frequency(
 def eccentricity(
     file: TableArgument = None,
     exponent: Annotated[
-        float | None, typer.Option("--exponent", metavar="P", help="Exponent of K = k·a^P. Default: 2.")
+        float | None,
+        typer.Option(
+            "--exponent", metavar="P", help="Exponent P in K = k·a^P (stiffness K, eccentricity a). Default: 2."
+        ),
     ] = None,
-    free: Annotated[bool, typer.Option("--free", help="Estimate the exponent from the table too.")] = False,
+    free: Annotated[
+        bool, typer.Option("--free", help="Estimate the exponent from the table, instead of giving it.")
+    ] = False,
     at: Annotated[
-        list[float] | None, typer.Option("--at", metavar="MM", help="Stiffness at this eccentricity; may be repeated.")
+        list[float] | None,
+        typer.Option("--at", metavar="MM", help="Print the stiffness at this eccentricity [mm]; may be repeated."),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:

@@ -118,7 +118,7 @@ def _band_and_period(asked: Asked, source: Source) -> tuple[tuple[float, float],
             )
         return band_of(asked.band), asked.period_s
     if asked.period_s is not None:
-        raise StationError("--period is for files; a run knows the period of its sweep. Leave it out")
+        raise StationError("--period is for files; a stored run has the period of its sweep. Leave out --period")
     sweep, scan_s = source.sweep
     period_s = sweep.period_scans * scan_s
     half_line_hz = 0.5 / period_s  # the first and the last line lie on the ends of the band
@@ -192,8 +192,8 @@ class Swing:
         if self.followed:
             return found
         return (
-            f"{found}. The drive did not reach the planned amplitude, so the response is valid for the smaller "
-            "amplitude only. Lower to_frequency or the amplitude, or tune the torque loop"
+            f"{found}. Warning: the drive did not reach the planned amplitude, so the response is valid for the "
+            "smaller amplitude only. Lower to_frequency or the amplitude, or tune the torque loop"
         )
 
 

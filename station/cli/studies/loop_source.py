@@ -138,8 +138,8 @@ def channels_of(source: Source) -> tuple[FloatArray, FloatArray]:
     if source.method is None:
         if source.trace.angle_in_rad is not None and source.trace.angle_out_rad is not None:
             raise StationError(
-                f"{source.name}: it has the angles of both shafts, but not which shaft is locked. "
-                "Name the recipe (--recipe), which has ratio and loaded side",
+                f"file {source.name} has the angles of both shafts, but does not say which shaft is locked. Name the "
+                "recipe with --recipe",
             )
         what = "evaluation without a recipe"
         return source.trace.channel("angle_out_rad", what) * ARCMIN_PER_RAD, torque

@@ -52,7 +52,7 @@ def model(asked: Asked, *, as_json: bool) -> int:
     kind = asked.kind.replace("_", "-")
     kind = "dahl" if kind == "gap-dahl" else kind
     if kind != ALL and kind not in KINDS:
-        raise StationError(f"--kind: found {asked.kind!r}; allowed are {', '.join(KINDS)}, {ALL}")
+        raise StationError(f"--kind (kind of model): found {asked.kind!r}; allowed are {', '.join(KINDS)}, {ALL}")
     fixed = fixed_values(asked.fixed)
     if kind == ALL and (fixed or asked.out is not None):
         raise StationError("--fix and --out are for one model: name it with --kind")
@@ -71,7 +71,9 @@ def model(asked: Asked, *, as_json: bool) -> int:
         with writing(asked.out):
             asked.out.write_text(model_to_json(found, source.serial), encoding="utf-8")
         document = replace(document, exported=str(asked.out))
-        blocks.append(f"model   {asked.out}   (play it: lostmotion play-model {asked.out} ANGLES.csv)")
+        blocks.append(
+            f"model written to {asked.out}. To calculate torques with it: lostmotion play-model {asked.out} ANGLES.csv"
+        )
     return say(document, blocks, as_json=as_json)
 
 
@@ -216,7 +218,7 @@ def _exportable(found: Identified) -> str:
 
 def _head(source: Source, peak_nm: float) -> str:
     badge = "   VIRTUAL BENCH" if source.virtual else ""
-    return f"{source.serial or source.name}: loop to {peak_nm:.4g} N·m{badge}"
+    return f"{source.serial or source.name}: loop with a peak torque of {peak_nm:.4g} N·m{badge}"
 
 
 def _blocks(source: Source, kind: str, found: Identified) -> list[str | Grid]:
@@ -249,7 +251,9 @@ def _blocks(source: Source, kind: str, found: Identified) -> list[str | Grid]:
     blocks += [f"AT ITS BOUND {name}: the parameter reached its limit" for name in found.at_bound]
     pairs = _pairs(found)
     if pairs:
-        blocks.append(f"correlations above {SHOWN_CORRELATION:g} (refused above {MOST_CORRELATION:g}): {pairs}")
+        blocks.append(
+            f"correlations of parameters above {SHOWN_CORRELATION:g} (not accepted above {MOST_CORRELATION:g}): {pairs}"
+        )
     if refused and kind != "maxwell-slip":
         blocks.append(
             "This model cannot be exported: give a known value with --fix NAME=VALUE, or load the unit to a higher "

@@ -20,11 +20,16 @@ from station.cli.options import (
 def model(
     trace: TraceArgument,
     kind: Annotated[
-        str, typer.Option("--kind", metavar="NAME", help="cubic, dahl, bouc-wen, maxwell-slip, or all to compare.")
+        str,
+        typer.Option(
+            "--kind", metavar="NAME", help="Model to fit: cubic, dahl, bouc-wen, maxwell-slip, or all to compare."
+        ),
     ] = "all",
     fix: Annotated[
         list[str] | None,
-        typer.Option("--fix", metavar="NAME=VALUE", help="A parameter that is known; may be repeated."),
+        typer.Option(
+            "--fix", metavar="NAME=VALUE", help="Known value of a parameter, which is then not fitted; may be repeated."
+        ),
     ] = None,
     recipe: Annotated[
         str | None,
@@ -48,9 +53,11 @@ def model(
 
 
 def play_model(
-    file: Annotated[Path, typer.Argument(metavar="MODEL", help="Model that 'model --out' wrote.")],
+    file: Annotated[Path, typer.Argument(metavar="MODEL", help="Model file that 'lostmotion model --out' wrote.")],
     angles: Annotated[Path, typer.Argument(metavar="ANGLES", help="CSV file with a column angle_arcmin.")],
-    out: Annotated[Path | None, typer.Option("--out", metavar="FILE", help="CSV file. Default: the screen.")] = None,
+    out: Annotated[
+        Path | None, typer.Option("--out", metavar="FILE", help="CSV file to write. Default: print on the screen.")
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Play an exported model: wind-ups in, torques out, as a simulator would."""

@@ -35,7 +35,9 @@ def play_model(file: Path, angles: Path, out: Path | None, *, as_json: bool) -> 
         with open_regular(file) as stream:
             text = stream.read().decode()
     except (OSError, UnicodeError) as error:
-        raise StationError(f"{file}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
+        raise StationError(
+            f"model file {file} cannot be read: {getattr(error, 'strerror', None) or error}. Name another file"
+        ) from error
     reducer: ReducerModel = model_from_json(text, str(file))
     table = read_csv_columns(angles)
     column = next((name for name in ANGLES if name in table.columns), None)

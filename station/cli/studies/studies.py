@@ -156,7 +156,8 @@ def _runs(asks: Sequence[Ask], data: Path) -> Positions:
     for other in found[1:]:
         if [one.run_id for one in other.values] != ids:
             raise StationError(
-                f"{other.ask.metric} and {asks[0].metric} come from different runs. Choose one recipe with --recipe"
+                f"metrics {other.ask.metric} and {asks[0].metric} come from different runs. Choose one recipe with "
+                "--recipe"
             )
     positions = [lock_position_deg(run) for run in found[0].runs()]
     source = FromPositions(ids, asks[0].serial, positions)
@@ -228,9 +229,9 @@ def eccentricity(
 
     """
     if free and exponent is not None:
-        raise StationError("--free and --exponent: choose one of them")
+        raise StationError("--free and --exponent cannot be combined. Give only one of the two options")
     if any(not 0.0 < place < 1e3 for place in at_mm):
-        raise StationError(f"--at: found {at_mm[0]:g}; allowed are millimetres above 0")
+        raise StationError(f"--at: found {at_mm[0]:g}; allowed are eccentricities above 0 mm")
     rows: Sequence[EccentricityRow] = PUBLISHED
     if file is not None:
         table = read_csv_columns(file)

@@ -166,9 +166,12 @@ def _no_recipe(name: str, revision: int | None, there: list[Revision]) -> str:
 
     own = [one for one in there if one.name == name]
     if own:
-        found = "none of it is released" if revision is None else f"there is no revision {revision}"
+        found = "no released revision" if revision is None else f"no revision {revision}"
         has = ", ".join(f"r{one.revision} ({one.state.value})" for one in own)
-        return f"{name}: {found}; there is {has}. Name one of these: lostmotion recipes show {name} {own[0].revision}"
+        return (
+            f"recipe {name} has {found}; its revisions are {has}. Name one of these: lostmotion recipes show {name} "
+            f"{own[0].revision}"
+        )
     names = list(dict.fromkeys(one.name for one in there))
     meant = nearest(name, names)
     hint = f"Did you mean '{meant}'?" if meant else "'lostmotion recipes list' shows all"
@@ -181,7 +184,7 @@ def _as_read(data: Path, name: str, revision: int) -> dict[str, JsonValue]:
 
     found = History(data).find(name, revision)
     if found is None:
-        raise StationError(f"{name} revision {revision}: there is none. 'lostmotion recipes list' shows all")
+        raise StationError(f"recipe {name} has no revision {revision}. 'lostmotion recipes list' shows all")
     return {"name": name, "revision": revision, "sha256": found.sha256}
 
 
@@ -203,7 +206,7 @@ def _done(data: Path, who: str, action: str, values: dict[str, JsonValue], **sec
 
     if not (data / FILE).is_file():
         raise StationError(
-            f"{data}: has no {FILE}: there are no accounts. Make the first with 'lostmotion users first'"
+            f"folder {data} has no {FILE}, so there are no accounts. Make the first account: 'lostmotion users first'"
         )
     models = load_models(data, None)
     password = _asked(f"password of {who}")
@@ -215,7 +218,7 @@ def _done(data: Path, who: str, action: str, values: dict[str, JsonValue], **sec
             refused = isinstance(session, EntryRefusedError)
             audit.write(connection, who if is_name(who) else "?", "enter", audit.REFUSED if refused else audit.DONE, {})
         if isinstance(session, EntryRefusedError):
-            raise StationError(f"--as {who}: {session}")
+            raise StationError(f"--as {who}: log-in refused: {session}")
         answer = perform(station, action, session.token, session.csrf, secrets.token_hex(16), values)
         perform(station, "leave", session.token, session.csrf, secrets.token_hex(16), {})
     finally:

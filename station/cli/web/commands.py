@@ -18,19 +18,31 @@ from station.documents.entries import plain
 if TYPE_CHECKING:
     from station.web.people.database import StationDatabase
 
-audit_app = typer.Typer(help="Who did what at the station.", no_args_is_help=True)
+audit_app = typer.Typer(help="Audit trail: who did what at the station.", no_args_is_help=True)
 
 
 def serve(
     data: DataOption = DEFAULT_DATA,
-    host: Annotated[str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on.")] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port. 0: any free port.")] = 8080,
+    host: Annotated[
+        str, typer.Option("--host", metavar="ADDRESS", help="IP address at which the station listens.")
+    ] = "127.0.0.1",
+    port: Annotated[
+        int, typer.Option("--port", min=0, max=65535, help="Port of the station. 0: any free port.")
+    ] = 8080,
     models: Annotated[
         Path | None,
-        typer.Option("--models", metavar="FILE", help="Table of models. Default: models.yaml in the data folder."),
+        typer.Option(
+            "--models",
+            metavar="FILE",
+            help="File that names the recipe of each model. Default: models.yaml in the data folder.",
+        ),
     ] = None,
-    certificate: Annotated[Path | None, typer.Option("--certificate", metavar="FILE", help="TLS certificate.")] = None,
-    key: Annotated[Path | None, typer.Option("--key", metavar="FILE", help="Private key of the certificate.")] = None,
+    certificate: Annotated[
+        Path | None, typer.Option("--certificate", metavar="FILE", help="File of the TLS certificate.")
+    ] = None,
+    key: Annotated[
+        Path | None, typer.Option("--key", metavar="FILE", help="File of the private key of the certificate.")
+    ] = None,
     names: Annotated[
         list[str] | None,
         typer.Option(
@@ -91,7 +103,8 @@ def audit_shift(
         typer.Option("--since", metavar="DATE", help="Start of the shift, such as 2026-01-31T06:00, in local time."),
     ],
     until: Annotated[
-        str | None, typer.Option("--until", metavar="DATE", help="End of the shift, as --since. Default: now.")
+        str | None,
+        typer.Option("--until", metavar="DATE", help="End of the shift, written as for --since. Default: now."),
     ] = None,
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
@@ -119,5 +132,7 @@ def _database_of(data: Path) -> StationDatabase:
     from station.web.people.database import FILE, StationDatabase
 
     if not (data / FILE).is_file():
-        raise StationError(f"{data}: has no {FILE}: no station was served here. Name another folder with --data")
+        raise StationError(
+            f"folder {data} has no {FILE}, so no station was served from it. Name another folder with --data"
+        )
     return StationDatabase(data)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from station.web.labels.outbox import Awaited
     from station.web.labels.settings import Labels
 
-labels_app = typer.Typer(help="Labels for units, printed when a run is sealed.", no_args_is_help=True)
+labels_app = typer.Typer(help="Labels for units; a label is printed when a run is concluded.", no_args_is_help=True)
 
 
 def _labels(data: Path) -> Labels:
@@ -85,7 +85,9 @@ def labels_preview(
     record = Store(data).find(run)
     altered, result = result_of(data, record.id)
     if result is None:
-        raise StationError(f"{run}: {altered[0] if altered else 'has no result'}. No label is made of it")
+        raise StationError(
+            f"run {run} has no usable result ({altered[0] if altered else 'it was not concluded'}), so no label is made"
+        )
     label, reads_as = label_of(data, record.manifest(), result, labels, 1)
     sys.stdout.write(label + ("" if label.endswith("\n") else "\n"))
     if reads_as:

@@ -163,13 +163,13 @@ def _write(folder: Path, units: dict[str, str]) -> None:
         for name, text in units.items():
             write_atomic(folder / name, text.encode())
     except RecordError as error:
-        raise StationError(f"--install-unit {folder}: {error}") from error
+        raise StationError(f"--install-unit {folder}: the systemd units cannot be written: {error}") from error
 
 
 def _plain(path: str) -> str:
     """Return a path that a unit can name without quotes."""
     if any(sign.isspace() or sign in "\"'\\%$" for sign in path):
-        raise StationError(f"{path}: contains spaces, quotes, % or $. Choose a folder without these characters")
+        raise StationError(f"folder {path} contains spaces, quotes, % or $. Choose a folder without these characters")
     return path
 
 

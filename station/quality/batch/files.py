@@ -24,7 +24,7 @@ HTML, PDF = "batch.html", "batch.pdf"
 LOOPS = "loops"
 MOST_HISTOGRAMS = 6
 PICTURES = {
-    LOOPS: "All loops of the batch, the first cycle of each",
+    LOOPS: "Torque and angle of every unit of the batch, its first cycle",
     "values": "Values of the metrics that have a limit",
 }
 

@@ -267,7 +267,7 @@ def _words(row: Field) -> str:
     if row.choices:
         return " or ".join(str(one) for one in row.choices)
     if row.form == "moment":
-        return "a moment such as 31.01.2026/08:00:00"
+        return "a date and time such as 31.01.2026/08:00:00"
     if row.form == "events":
-        return f"numbers of events, {min(EVENTS)} to {max(EVENTS)}, separated by commas"
+        return f"numbers of quality events, from {min(EVENTS)} to {max(EVENTS)}, separated by commas"
     return f"a {row.form}, with a point for its decimals" if row.form == "number" else f"a {row.form}"

@@ -71,8 +71,8 @@ def dfq_of_run(production: Production, run: str, program: str) -> Written:
     asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.altered == "", production.trusted())
     if production.connection.execute(asked).scalar() is None:
         raise StationError(
-            f"{run}: this run is not complete and unaltered in the store, so it has no values to export. Choose "
-            "another run"
+            f"run {run}: its values cannot be exported: the run is incomplete, altered, or not in the store of runs. "
+            "Choose another run"
         )
     return _file(production, [run], metrics_of_run(production, run), program)
 
@@ -125,7 +125,9 @@ def _file(production: Production, runs: Sequence[str], there: Sequence[Character
         lines.append(NEXT_CHARACTERISTIC.join(_value(of_run[0], cells.get(key)) for key in numbers))
         lines.append(f"K0014/0 {of_run[0].serial}")
     if not lines:
-        raise StationError("no run of this lot has a value of any metric with a limit. Choose another lot")
+        raise StationError(
+            "no run of the chosen lot has a value of a metric that has a limit. Choose other runs, such as with --since"
+        )
     head = _head(rows[-1], len(numbers), program)
     for one in there:
         for side in one.sides:

@@ -123,6 +123,6 @@ def _refuse_absent(standing: Standing, part: Part, found: PartSeries) -> None:
     absent = sorted(set(part.runs or ()) - set(found.runs))
     if absent:
         raise StationError(
-            f"study {standing.study.name}: the store has no value of {part.metric} side {found.side} for "
-            f"{len(absent)} runs, {absent[0]} for one. 'lostmotion store rebuild' reads the runs again"
+            f"study {standing.study.name}: the store of runs has no value of {part.metric}, side {found.side}, for "
+            f"{len(absent)} runs, such as {absent[0]}. Read the runs again with 'lostmotion store rebuild'"
         )

@@ -110,7 +110,7 @@ def _parts(given: Sequence[str], job: Job) -> tuple[list[str], dict[str, str]]:
 def _refuse_twice(option: str, given: Sequence[str]) -> None:
     twice = next((one for one, count in Counter(given).items() if count > 1), None)
     if twice is not None:
-        raise StationError(f"{option}: found {twice!r:.60} twice; each is named once. Take one of them away")
+        raise StationError(f"{option}: found {twice!r:.60} twice; allowed once. Remove one of the two")
 
 
 def _check_design(kind: str, parts: Sequence[str], operators: Sequence[str], trials: int) -> None:
@@ -122,9 +122,13 @@ def _check_design(kind: str, parts: Sequence[str], operators: Sequence[str], tri
     if kind == TYPE_ONE:
         wanted = [("--trials", trials, LEAST, "measurements of one part")]
         if len(parts) != 1:
-            raise StationError(f"--part: found {len(parts)} units; a type 1 study is of one unit of known value")
+            raise StationError(
+                f"--part: found {len(parts)} units; a type 1 study measures exactly one, whose value is known"
+            )
         if len(operators) > 1:
-            raise StationError(f"--operator: found {len(operators)}; a type 1 study is of one operator, or of none")
+            raise StationError(
+                f"--operator: found {len(operators)} operators; a type 1 study has at most one. Name one or none"
+            )
     for option, found, least, what in wanted:
         if found < least:
             hint = ". Where nobody operates the bench, name who puts the unit on, or the shifts"
@@ -138,27 +142,28 @@ def _check_design(kind: str, parts: Sequence[str], operators: Sequence[str], tri
 def _metrics(asked: Asked, job: Job) -> tuple[StudyMetric, ...]:
     """Return the metrics with reference and tolerance; refused is what would be missing at the end."""
     if not asked.metrics:
-        raise StationError("--metric: found none; name the metric that the study is of")
+        raise StationError("--metric: found none; name the metric that the study measures")
     references = _one_each("--reference", asked.references, asked.metrics, needed=asked.kind == TYPE_ONE)
     if asked.kind == GAGE and asked.references:
-        raise StationError("--reference: is for type 1 studies; a gage study has none. Leave it out")
+        raise StationError("--reference: only a type 1 study has a reference value. Leave this option out")
     tolerances = _one_each("--tolerance", asked.tolerances, asked.metrics, needed=False)
     masters = [one for one in asked.parts if job.bench.master_part(one) is not None]
     if asked.kind == GAGE and masters:
         raise StationError(
-            f"--part: {masters[0]} is a master part of bench {job.bench.bench.name}; a gage study is of units of the "
-            "production, whose spread it needs. Take such units"
+            f"--part: {masters[0]} is a master part of bench {job.bench.bench.name}; a gage study needs units from "
+            "production, because it compares their spread. Name units from production"
         )
     found = []
     for name, reference, tolerance in zip(asked.metrics, references, tolerances, strict=True):
         _check_metric(name, job.recipe)
         if tolerance is None and asked.kind == TYPE_ONE and not _has_tolerance(name, job.recipe):
             raise StationError(
-                f"{job.recipe_source.path}: {name} has one limit or none, so it has no tolerance. Write it into the "
-                f"recipe, '- {{id: {name.split()[0]}, tolerance: …}}', or give it with --tolerance"
+                f"{job.recipe_source.path}: the metric {name} has one limit or none, so its tolerance is not known. "
+                f"Write the tolerance into the recipe, '- {{id: {name.split()[0]}, tolerance: …}}', or give it with "
+                "--tolerance"
             )
         if tolerance is not None and not tolerance > 0.0:
-            raise StationError(f"--tolerance: found {tolerance:g}; allowed is a distance of two limits above 0")
+            raise StationError(f"--tolerance: found {tolerance:g}; allowed is upper limit minus lower limit, above 0")
         found.append(StudyMetric(id=name, reference=reference, tolerance=tolerance))
     return tuple(found)
 
@@ -166,7 +171,8 @@ def _metrics(asked: Asked, job: Job) -> tuple[StudyMetric, ...]:
 def _one_each(option: str, given: Sequence[float], metrics: Sequence[str], *, needed: bool) -> Sequence[float | None]:
     if len(given) != len(metrics) and (given or needed):
         raise StationError(
-            f"{option}: found {len(given)} for {len(metrics)} metrics; give one for each --metric, in their order"
+            f"{option}: found {len(given)} values for {len(metrics)} metrics; give one value for each --metric, in the "
+            "same order"
         )
     return given or [None] * len(metrics)
 
@@ -175,7 +181,7 @@ def _check_metric(name: str, recipe: Recipe) -> None:
     there = [one.id for one in recipe.metrics]
     if (name.split() or [""])[0] not in there:
         listed = ", ".join(dict.fromkeys(there))
-        raise StationError(f"--metric: found '{name:.60}'; the recipe {recipe.recipe.name} has {listed}")
+        raise StationError(f"--metric: found '{name:.60}'; the recipe {recipe.recipe.name} has the metrics {listed}")
 
 
 def _has_tolerance(name: str, recipe: Recipe) -> bool:

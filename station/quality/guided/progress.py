@@ -181,11 +181,12 @@ def place_of(standing: Standing, serial: str, operator: str | None, job: Job) ->
         raise StationError(f"study {study.name}: run {standing.running} is in progress. Wait for its end")
     place = f"study {study.name}, step {step} of {len(plan.order)}"
     if serial != cell.part:
-        raise StationError(f"{place}: found unit {serial}; unit {cell.part} is next. Put that one on the bench")
+        raise StationError(f"{place}: found unit {serial}; unit {cell.part} is next. Put that unit on the bench")
     if cell.operator and operator != cell.operator:
         found = f"operator {operator}" if operator else "no operator"
         raise StationError(
-            f"{place}: found {found}; {cell.operator} measures this step. Change over, or name the operator"
+            f"{place}: found {found}; this step is for operator {cell.operator}. Change the operator, or name the "
+            "right one"
         )
     wanted = (("recipe", job.recipe_source, plan.recipe_sha256, plan.recipe_file),
               ("bench", job.bench_source, plan.bench_sha256, plan.bench_file))  # fmt: skip
@@ -193,7 +194,7 @@ def place_of(standing: Standing, serial: str, operator: str | None, job: Job) ->
         if source.sha256 != sha256:
             raise StationError(
                 f"{place}: found {what} file {source.path} ({source.sha256[:8]}); the study was begun with {path} "
-                f"({sha256[:8]}). Put that text back, or begin a new study: two {what}s are not one gage"
+                f"({sha256[:8]}). All steps of a study need the same file. Restore it, or begin a new study"
             )
     return study.place(step)
 
@@ -209,24 +210,26 @@ def _why_not(  # noqa: PLR0911 - a row for each reason
     plan, cell = study.plan, study.plan.order[step - 1]
     try:
         if not is_sealed(manifest):
-            return f"it is {run.state()}"
+            return f"the run is {run.state()}"
         if altered := alterations(run, samples=samples, chain=chain):
             return f"altered: {altered[0]}"
         if manifest.serial != cell.part:
-            return f"it is of unit {manifest.serial}, and the step of {cell.part}"
+            return f"the run measured unit {manifest.serial}, and the plan of the study has unit {cell.part} here"
         if cell.operator and manifest.operator != cell.operator:
-            return f"{manifest.operator or 'nobody'} measured it, and {cell.operator} was to"
+            return (
+                f"the run has the operator {manifest.operator or 'none'}, and the plan of the study has {cell.operator}"
+            )
         if manifest.scenario is not None:
             return "faults were injected"
         if manifest.state != COMPLETE:
-            return f"it ended as {manifest.state}"
+            return f"the run ended as {manifest.state}"
         if (manifest.recipe.sha256, manifest.bench.sha256) != (plan.recipe_sha256, plan.bench_sha256):
-            return "it was measured by another recipe or bench file"
+            return "the run was measured with another recipe or bench file than the study began with"
         if bool(manifest_badges(manifest)) != plan.virtual:
-            return "it is simulated" if not plan.virtual else "it is not of the virtual bench"
+            return "the run is simulated" if not plan.virtual else "the run is not of the virtual bench"
         return _without_value(run.read(Result, RESULT), plan)
     except StationError as error:
-        return f"it cannot be read: {error}"
+        return f"the run cannot be read: {error}"
 
 
 def _without_value(result: Result, plan: StudyPlan) -> str:
@@ -237,5 +240,5 @@ def _without_value(result: Result, plan: StudyPlan) -> str:
         found = [one for one in result.metrics if one.id == wanted and set(choices) <= set(one.choices)]
         values = [one.value for one in found] + [side.value for one in found for side in one.sides.values()]
         if not found or None in values:
-            return f"it has no value of {name}"
+            return f"the run has no value of {name}"
     return ""

@@ -128,14 +128,16 @@ def content_of(path: Path, option: str) -> bytes:
             content = file.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         why = getattr(error, "strerror", None) or str(error)
-        raise StationError(f"{option} {path}: cannot be read: {why}. Name a readable file") from error
+        raise StationError(f"{option} {path}: this file cannot be read: {why}. Name a readable file") from error
     if len(content) > LARGEST_FILE:
-        raise StationError(f"{option} {path}: found more than {LARGEST_FILE >> 20} MiB; name a smaller file")
+        raise StationError(
+            f"{option} {path}: this file is too large: allowed are {LARGEST_FILE >> 20} MiB. Name a smaller file"
+        )
     return content
 
 
 def _no_report(report: Path, why: str) -> str:
-    return f"--tests {report}: is no report of tests: {why}. Expected a file of 'pytest --junitxml FILE'"
+    return f"--tests {report}: this is not a test report: {why}. Name a file that 'pytest --junitxml FILE' wrote"
 
 
 def _self_tests(found: tuple[SelfTest, ...]) -> Iterator[Evidence]:

@@ -46,11 +46,11 @@ PAGE, DOCUMENT, FILES, SIGNATURE = "validation.html", "validation.json", "files.
 ATTACHMENTS = "evidence"
 
 PAGES = {
-    "coverage.md": "Is the stated uncertainty large enough? Simulated units with known true values",
+    "coverage.md": "Is the stated measurement uncertainty large enough? Tried on simulated units of known values",
     "model-check.md": "Every state that the controller can reach, checked against its safety rules",
     "fault-matrix.md": "Every fault in every state: the reaction that was measured",
     "exits.md": "Time to zero torque for every way in which a run can end",
-    "safety.md": "Protections, their proof, and what happens without them",
+    "safety.md": "Protections of the bench, how each was proven, and what happens without it",
 }
 """Pages of the documentation that are evidence of the software's maker, where the sources are there."""
 
@@ -116,7 +116,7 @@ def write_pack(pack: ValidationPack, files: Iterable[Attachment], folder: Path) 
 
     """
     if folder.exists() and any(folder.iterdir()):
-        raise StationError(f"--out {folder}: has files already. A pack is never overwritten; name a new folder")
+        raise StationError(f"--out {folder}: this folder is not empty, and nothing is overwritten. Name a new folder")
     document = json.dumps(plain(pack), ensure_ascii=False, indent=1).encode() + b"\n"
     content = {f"{ATTACHMENTS}/{one.name}": one.content for one in files}
     content |= {DOCUMENT: document, PAGE: _page(pack)}
@@ -149,7 +149,9 @@ def check_pack(folder: Path) -> Checked:
 
     """
     if not (folder / FILES).is_file():
-        raise StationError(f"--check {folder}: has no {FILES}: this is no validation pack. Name the folder of one")
+        raise StationError(
+            f"--check {folder}: this is not a validation pack: it has no {FILES}. Name the folder of a validation pack"
+        )
     content = content_of(folder / FILES, "--check")
     listed = document_in(PackFiles, content, folder / FILES)
     signature = read_document(PackSignature, folder / SIGNATURE)

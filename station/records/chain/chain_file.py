@@ -293,7 +293,9 @@ def writing_to(data: Path) -> Iterator[ChainWriter]:
     try:
         handle = os.open(data / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
     except OSError as error:
-        raise RecordError(f"{refused(data / LOCK, error)}. Or choose another folder with --data") from error
+        raise RecordError(
+            f"the data folder cannot be used: {refused(data / LOCK, error)}. Or choose another data folder with --data"
+        ) from error
     try:
         fcntl.flock(handle, fcntl.LOCK_EX)
         yield ChainWriter(data, key)

@@ -82,7 +82,7 @@ def _read(path: Path) -> BenchKey:
     with path.open("rb") as file:
         rights = os.fstat(file.fileno()).st_mode
         if rights & OTHERS:
-            raise RecordError(f"{path}: other users can read this private key. Remove that permission: chmod 600")
+            raise RecordError(f"{path}: other users can read this private key. Run: chmod 600 {path}")
         content = file.read()
     return _loaded(path, content)
 
@@ -92,9 +92,9 @@ def _loaded(path: Path, content: bytes) -> BenchKey:
     try:
         private = load_pem_private_key(content, None)
     except (ValueError, TypeError) as error:
-        raise RecordError(f"{path}: is not a private key: {error}. Restore the key of this bench") from error
+        raise RecordError(f"{path}: this file is not a private key: {error}. Restore it from a backup") from error
     if not isinstance(private, Ed25519PrivateKey):
-        raise RecordError(f"{path}: is not an Ed25519 key. Restore the key of this bench")
+        raise RecordError(f"{path}: this private key is not an Ed25519 key. Restore it from a backup")
     return BenchKey(private)
 
 
@@ -137,7 +137,10 @@ def signed_by(key: str, content: bytes, signature: str) -> bool:
 def check_public_key(text: str, where: str) -> str:
     """Return a public key that a person wrote; StationError where it is none."""
     if not PUBLIC.fullmatch(text.strip()):
-        raise StationError(f"{where}: found {text[:40]!r}; allowed is ed25519: and 64 hexadecimal digits")
+        raise StationError(
+            f"{where}: found {text[:40]!r}; allowed is a public key: 'ed25519:' and 64 hexadecimal digits. "
+            "'lostmotion key' on the computer of the bench prints it"
+        )
     return text.strip()
 
 

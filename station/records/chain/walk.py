@@ -140,7 +140,7 @@ def end_problems(chain: Chain, place: Place) -> list[Problem]:
             Problem("replaced", "", f"{CHAIN}: another chain lay in this folder when this computer wrote to it")
         )
     head = head_of(chain.id, chain.data)
-    if head is None:
+    if head is None or (head.counter, head.sha256) == (place.counter, place.sha256):
         return found
     if head.counter > place.counter:
         text = f"{CHAIN}: ends with entry {place.counter}; this computer had seen {head.counter}"

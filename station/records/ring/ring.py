@@ -45,7 +45,7 @@ DEFAULT_CAPACITY = 60_000
 MAILBOX_SLOTS = 16
 SHARED_MEMORY = Path("/dev/shm")  # noqa: S108 - the kernel's shared memory, not a temporary folder
 FILE_PREFIX = "lostmotion-ring-"
-CHECK_RUN = "Check that its run is still in progress; if it is not, start the run again"
+CHECK_RUN = "Check that the run is still in progress; if it is not, start it again"
 
 # Words of the header, each 8 bytes and written by one process only.
 W_MAGIC, W_VERSION, W_RECORD_BYTES, W_CAPACITY = 0, 1, 2, 3
@@ -125,7 +125,7 @@ def create(folder: Path, capacity: int = DEFAULT_CAPACITY, run: Path | None = No
         finally:
             os.close(handle)
     raise RingError(
-        f"no room for the record buffer of {size // 1_000_000} MB: {'; '.join(reasons)}. Free some memory or disk"
+        f"no room for the record buffer of {size // 1_000_000} MB: {'; '.join(reasons)}. Free memory or disk space"
     )
 
 
@@ -142,7 +142,7 @@ class MappedRing:
         if len(self._memory) < HEADER_BYTES:
             self._memory.close()
             raise RingError(
-                f"{path}: is not the record buffer of a run: found {path.stat().st_size} bytes; allowed: "
+                f"{path}: this file is not the record buffer of a run: found {path.stat().st_size} bytes; allowed: "
                 f"{HEADER_BYTES} or more. {CHECK_RUN}"
             )
         self._bytes = memoryview(self._memory)
@@ -154,7 +154,7 @@ class MappedRing:
         if found != (MAGIC, VERSION, RECORD_BYTES) or not whole:
             self.close()
             raise RingError(
-                f"{path}: is not a record buffer of this version of the program (found {found}). Use the version that "
+                f"{path}: another version of lostmotion made this record buffer (found {found}). Use the version that "
                 "started the run"
             )
 

@@ -26,7 +26,7 @@ LAYOUT = "samples.json"
 
 FORMATS: dict[int, str] = {
     1: "fixed-size records, little-endian, a CRC-32 at the end of each; the description has no entry 'format'",
-    2: "as the format before; the entries 'values' and 'bits' give the meaning of a channel's numbers",
+    2: "as format 1; the entries 'values' and 'bits' give the meaning of a channel's numbers",
 }
 """Formats of samples.json that this code reads; it writes the last one."""
 
@@ -141,7 +141,7 @@ def layout_in(said: Any, where: Path) -> Layout:
 
     """
     if not isinstance(said, dict):
-        raise RecordError(f"{where}: is damaged: it does not describe a record. {NEXT_STEP}")
+        raise RecordError(f"{where}: is damaged: this file does not describe the channels of a record. {NEXT_STEP}")
     number = said.get("format", 1)
     if not isinstance(number, int) or number not in FORMATS:
         raise RecordError(
@@ -194,7 +194,10 @@ def _disorder(channels: tuple[Channel, ...], size: int) -> str:
     at = 0
     for one in channels:
         if one.offset < at:
-            return f"{one.group}.{one.name} overlaps the channel before it: offset {one.offset}, at least {at} needed"
+            return (
+                f"the channel {one.group}.{one.name} overlaps the channel before it: found offset {one.offset}; "
+                f"allowed: {at} or more"
+            )
         at = one.end
     if at != size:
         return f"record_bytes: found {size}; allowed: {at}, where the channels end"

@@ -24,7 +24,6 @@ HEIGHT_PT = 258 * mm
 """Of what stands on the page; what needs more is made smaller."""
 
 LOOP_SHARE = 0.62
-HEADS = ("Metric", "Side", "Value", "U (k = 2)", "Unit", "Limits", "Verdict")
 WIDTHS = (68, 9, 18, 20, 24, 40, 22)
 SIGNED_BY = ("Tested by", "Released by")
 PEN = "\u2009" + "." * 44
@@ -86,7 +85,8 @@ def _metrics(one: Certificate) -> Any:
         verdict = paragraph(row.verdict or "reported", bold=bool(row.verdict), colour=colour)
         rows.append((paragraph(row.title, bold=True), row.side, paragraph(row.value, "right", bold=True),
                      paragraph(row.uncertainty, "right"), row.unit, row.limits, verdict))  # fmt: skip
-    return grid(HEADS, rows, WIDTHS, right=(2, 3))
+    heads = ("Metric", "Side", "Value", one.uncertainty, "Unit", "Limits", "Verdict")
+    return grid(heads, rows, WIDTHS, right=(2, 3))
 
 
 def _signatures() -> Any:

@@ -81,11 +81,11 @@ def _timing_tables(found: TimingTables) -> list[Any]:
         table = _numbers(MISSED_HEADS, found.missed, (19, 18, 14, 37, 15, 14, 14, 14, 14), {3})
         more = [paragraph(found.more, "soft")] if found.more else []
         parts.append(
-            KeepTogether([paragraph("Missed scan periods, and the scan before each, in µs", "subhead"), table, *more])
+            KeepTogether([paragraph("Missed scan cycles, and the cycle before each, in µs", "subhead"), table, *more])
         )
     if found.scans:
         table = _numbers(SCAN_HEADS, found.scans, (17, 16, 18, 37, 15, 14, 14, 14, 14), {0, 3})
-        parts.append(KeepTogether([paragraph("Longest scans and latest wake-ups, in µs", "subhead"), table]))
+        parts.append(KeepTogether([paragraph("Longest scan cycles and latest wake-ups, in µs", "subhead"), table]))
     if found.causes:
         parts += [Spacer(1, 4), grid(("", ""), found.causes, (30, 130))]
     return parts
@@ -125,5 +125,5 @@ def provenance_parts(result: Result, run: Manifest, content: Content, conditions
         table = grid(("file of the record", "bytes", "SHA-256"), sums, (45, 20, 95))
         parts += [*heading("Files for checking this run again", table), table]
         word = "analyze" if result.metrics else "show"
-        parts.append(paragraph(f"lostmotion {word} {result.run} reads these files again.", "soft"))
+        parts.append(paragraph(f"The command 'lostmotion {word} {result.run}' reads these files again.", "soft"))
     return parts

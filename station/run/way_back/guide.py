@@ -121,7 +121,7 @@ def situation(image: Image, orders: Orders, program: Program) -> list[str]:
         f"Guard                 {'closed' if image.guard_closed else 'OPEN'}",
     ]
     if image.drive_emcy_code:
-        lines.append(f"Servo drive says      {emcy_sentence(image.drive_emcy_code)}")
+        lines.append(f"Servo drive reports   {emcy_sentence(image.drive_emcy_code)}")
     first = FAULT_BY_NUMBER[orders.fault]
     lines += [f"Fault: {first.text}. {first.cause}.", f"  Check: {first.next_action}."]
     others = [f for f in FAULTS if orders.alarms >> f.number & 1 and f != first and f.reaction >= Reaction.UNLOAD]

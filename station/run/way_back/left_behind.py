@@ -36,7 +36,7 @@ def conclude_own(store: Store, bench: str, say: Say) -> None:
             if run.manifest().bench.name != bench or not to_be_concluded(run) or run.scanning():
                 continue
             if time.monotonic() - started > BEGIN_WITHIN_S:
-                say(f"{run.id}: not concluded yet. Run 'lostmotion conclude --all'")
+                say(f"run {run.id} is not evaluated yet. Run 'lostmotion conclude --all'")
                 return
             _conclude(run, say)
 
@@ -45,12 +45,12 @@ def _conclude(run: RunRecord, say: Say) -> None:
     try:
         recover(run)
     except (StationError, RecipeError, OSError) as error:
-        say(f"{run.id}: cannot be concluded now: {' '.join(str(error).split())}")
+        say(f"run {run.id} cannot be evaluated now: {' '.join(str(error).split())}")
         return
     if not to_be_concluded(run):
         manifest = run.manifest()
         say(
-            f"concluded {run.id}, whose supervisor process ended: {manifest.state}, "
+            f"run {run.id} was evaluated afterwards, because its supervisor process had ended: {manifest.state}, "
             f"{manifest.verdict or 'without a verdict'}"
         )
 

@@ -117,8 +117,8 @@ class Production:
         recipes = list(self.connection.execute(self.counted(lambda runs: (runs.c.recipe,), lot)).scalars())
         if len(recipes) > 1:
             raise StationError(
-                f"{self.chain.data}: this lot has runs of the recipes {', '.join(sorted(recipes))}; only runs of one "
-                "recipe are comparable. Choose it with --recipe NAME"
+                f"{self.chain.data}: the chosen lot has runs of the recipes {', '.join(sorted(recipes))}; only runs of "
+                "one recipe are comparable. Choose one with --recipe NAME"
             )
         return lot._replace(recipe=recipes[0]) if recipes else lot
 
@@ -168,7 +168,7 @@ class Production:
             f" Of {kinds[1]} units there are {count}: "
             + ("leave out --virtual" if lot.virtual else "choose them with --virtual")
         )  # fmt: skip
-        raise StationError(f"{self.chain.data}: no run of a {kinds[0]} unit is in this lot.{hint}")
+        raise StationError(f"{self.chain.data}: the chosen lot has no run of a {kinds[0]} unit.{hint}")
 
     def _number(self, lot: Lot) -> int:
         rows = self.connection.execute(self.counted(lambda runs: (runs.c.virtual,), lot, attempts=None))

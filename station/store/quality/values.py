@@ -64,8 +64,8 @@ def newest_run(production: Production, lot: Lot) -> str:
     run = production.connection.execute(select(production.chosen(lot, RUNS.c.valid, newest=1).c.run)).scalar()
     if run is None:
         raise StationError(
-            f"{production.chain.data}: no run of this lot is a first attempt with a valid result. Choose "
-            "another lot, or measure first"
+            f"{production.chain.data}: no run of the chosen lot is a first attempt with a valid result. Choose other "
+            "runs, or measure units first"
         )
     return str(run)
 
@@ -117,10 +117,10 @@ def one_of(there: Sequence[Characteristic], name: str, branch: str | None = None
         return chosen[0]
     names = ", ".join(f"{one.name} ({one.branch})" if one.branch else one.name for one in (found or there))
     if not found:
-        raise StationError(f"--metric: found '{name:.60}'; the newest run of this lot has {names}")
+        raise StationError(f"--metric: found '{name:.60}'; the newest run of this lot has the metrics {names}")
     raise StationError(
-        f"--metric: {name} is there {len(found)} times in a run: {names}. Choose one with --branch, or add its "
-        "options to the metric in quotes"
+        f"--metric: a run has {len(found)} metrics of the name {name}: {names}. Choose one with --branch, or write its "
+        "whole name in quotes"
     )
 
 

@@ -29,7 +29,7 @@ def add_person(call: Call, given: NewPerson) -> AccountAdded:
 def disable_person(call: Call, given: Named) -> AccountChanged:
     """Close an account; AccountError: it is the person's own."""
     if given.name == call.person.name:
-        raise AccountError("name: nobody can close the account that they are using")
+        raise AccountError("name: you cannot close your own account. Another admin has to close it")
     accounts.disable_person(call.connection, given.name)
     return AccountChanged(name=given.name)
 
@@ -37,7 +37,7 @@ def disable_person(call: Call, given: Named) -> AccountChanged:
 def reset_person(call: Call, given: FreshPassword) -> AccountChanged:
     """Open an account again with a first password; AccountError: it is the person's own."""
     if given.name == call.person.name:
-        raise AccountError("name: use change_password for your own password")
+        raise AccountError("name: this is your own account. Change your own password with change_password")
     accounts.reset_person(call.connection, given.name, given.password)
     return AccountChanged(name=given.name)
 

@@ -136,7 +136,7 @@ def _answered(connection: Connection, row: Action, key: str, name: str, asked: s
     if kept.name != name or kept.asked_hmac != asked:
         return Answer(
             NOT_NOW,
-            refusal("key_used", "This Idempotency-Key was used for another request. Take a new one."),
+            refusal("key_used", "This Idempotency-Key was used for another request. Send a new key."),
         )
     said_before: type[Outcome | Refused] = row.gives if kept.status == OK else Refused
     return Answer(kept.status, said_before.model_validate_json(kept.answer))

@@ -39,7 +39,7 @@ CATCH_UP_S = 2.0
 LONGEST_REASON = 300
 NOT_IN_A_NAME = re.compile(r"[^A-Za-z0-9.-]+")
 LONGEST_PART_OF_A_NAME = 40
-DOES_NOT_COUNT = "the store does not count it: it was altered, or somebody unknown signed it. See 'lostmotion verify'"
+DOES_NOT_COUNT = "this run does not count: it was altered, or signed with an unknown key. See 'lostmotion verify'"
 
 
 class Waiting(NamedTuple):

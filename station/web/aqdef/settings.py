@@ -49,10 +49,10 @@ def load_aqdef(data: Path) -> AqdefSettings | None:
     # by name alone: a share that hangs would keep the server from starting
     folder, runs = (Path(os.path.normpath(one)) for one in (settings.folder, data.absolute()))
     if folder.is_relative_to(runs):
-        raise StationError(f"{file}: folder: found {folder}, which is among the records. Name a folder outside {runs}")
+        raise StationError(f"{file}: folder: found {folder}, which is in the data folder. Name a folder outside {runs}")
     if settings.mount_point is not None and not folder.is_relative_to(os.path.normpath(settings.mount_point)):
         raise StationError(
-            f"{file}: mount_point: found {settings.mount_point}, and folder {folder} is not below it. Name the folder "
-            "where the share is mounted, or leave it out"
+            f"{file}: mount_point: found {settings.mount_point}, but the folder {folder} is not inside it. Name the "
+            "folder where the network drive is mounted, or delete mount_point"
         )
     return settings

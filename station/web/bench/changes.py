@@ -20,8 +20,9 @@ from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.records.samples.samples import channel_values
 from station.store.outbox import catch_up
+from station.store.plant.hours import hour_of
 from station.store.run_search import CATCH_UP_S
-from station.store.tables import RUNS
+from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
 
 HASH_DIGITS = 8
@@ -88,15 +89,18 @@ def since_it_worked(data: Path) -> Since:
     if newest is None:
         return Since(why_none="No run was made yet.")
     manifest = newest.manifest()
-    good, closed, closed_in_all = _last_good(data, manifest.bench.name, newest.id)
+    good, closed, closed_in_all = _last_good(data, manifest.bench.name, newest.id, hour_of(manifest.started))
     if good is None:
         return Since(why_none=f"No run has passed on bench {manifest.bench.name} before.")
     before = facts_of(good, closed)
     return Since(good.id, newest.id, changes_between(before, facts_of(newest, closed_in_all)))
 
 
-def _last_good(data: Path, bench: str, newest: str) -> tuple[RunRecord | None, int, int]:
-    """Return the last run that passed on a bench before the newest, and how often the lock was closed up to each."""
+def _last_good(data: Path, bench: str, newest: str, hour: str) -> tuple[RunRecord | None, int, int]:
+    """Return the last run that passed on a bench before the newest, and how often the lock was closed up to each.
+
+    hour: in which the newest run began.
+    """
     chain = Chain(data)
     database = opened(data)
     try:
@@ -104,17 +108,22 @@ def _last_good(data: Path, bench: str, newest: str) -> tuple[RunRecord | None, i
         with database.reading() as connection:
             here = (RUNS.c.chain == chain.id) & (RUNS.c.bench == bench)
             passed = here & (RUNS.c.verdict == "PASS") & (RUNS.c.altered == "") & RUNS.c.scenario.is_(None)
-            last = select(RUNS.c.run).where(passed & (RUNS.c.run < newest)).order_by(RUNS.c.run.desc()).limit(1)
-            run = connection.execute(last).scalar()
+            last = select(RUNS.c.run, RUNS.c.hour).where(passed & (RUNS.c.run < newest))
+            good = connection.execute(last.order_by(RUNS.c.run.desc()).limit(1)).first()
 
-            def up_to(one: str) -> int:
-                count = select(func.count()).select_from(RUNS).where(here & (RUNS.c.run <= one))
-                return int(connection.execute(count).scalar_one())
+            def up_to(one: str, its_hour: str) -> int:
+                # Whole hours are counted already, and only of its own hour the runs are read.
+                earlier = select(func.coalesce(func.sum(RUN_HOURS.c.runs), 0)).where(
+                    RUN_HOURS.c.chain == chain.id, RUN_HOURS.c.bench == bench, RUN_HOURS.c.hour < its_hour
+                )
+                beside = select(func.count()).select_from(RUNS)
+                beside = beside.where(here, RUNS.c.hour == its_hour, RUNS.c.run <= one)
+                return int(connection.execute(earlier).scalar_one()) + int(connection.execute(beside).scalar_one())
 
-            counts = (up_to(run), up_to(newest)) if run is not None else (0, 0)
+            counts = (0, 0) if good is None else (up_to(good.run, good.hour), up_to(newest, hour))
     finally:
         database.close()
-    found = None if run is None else Store(data).by_id(run)
+    found = None if good is None else Store(data).by_id(good.run)
     return found, *counts
 
 

@@ -21,8 +21,8 @@ from station.web.labels.template import LabelError, Source, filled
 
 COMPLETE = "complete"
 NO_LABEL = (
-    "Master parts, virtual units, and runs that did not complete, had faults injected, are part of a study or have a "
-    "recipe that is not released get none"
+    "There are no labels for master parts, for virtual units, and for runs that did not complete, had faults injected, "
+    "are part of a study or have a recipe that is not released"
 )
 
 
@@ -95,7 +95,7 @@ def label_of(data: Path, manifest: Manifest, result: Result, labels: Labels, cop
     if template is None:
         raise LabelError(f"run {manifest.id}: units with {manifest.verdict or 'no verdict'} get no label")
     if not gets_label(data, manifest, labels):
-        raise LabelError(f"run {manifest.id}: gets no label. {NO_LABEL}")
+        raise LabelError(f"run {manifest.id} gets no label. {NO_LABEL}")
     source = Source(manifest, result, code_of(RunRecord(data / manifest.id)), copy)
     wanted = labels.settings.read_back
     return template.fill(source), "" if wanted is None else filled(wanted, source)

@@ -41,8 +41,8 @@ ASK_EVERY_S = 0.1
 TO_PRINT, SENT, PRINTED, NOT_MADE = "to print", "sent", "printed", "not made"
 
 NOT_SET_UP, MEASURED_AGAIN = "labels.yaml was taken away", "measured again"
-NOT_ASKED = "labels.yaml asks for no scan"
-NOBODY_PRINTED = "sealed while nobody printed labels, and not the newest run"
+NOT_ASKED = "labels.yaml does not ask for a scan of the labels"
+NOBODY_PRINTED = "the run was concluded while no labels were printed, and it is not the newest run"
 """Why a label is not awaited that nobody has read or set aside."""
 
 
@@ -61,7 +61,7 @@ class Awaited(NamedTuple):
         if self.stage == TO_PRINT and self.trouble == MEASURED_AGAIN:
             return f"{label} is not printed: the unit is being measured again."
         if self.stage == TO_PRINT and self.trouble:
-            return f"{label} is not printed. {self.trouble}. It is printed then."
+            return f"{label} is not printed. {self.trouble}. Then it is printed by itself."
         if self.stage == TO_PRINT:
             return f"{label} is being printed."
         if self.stage == SENT:
@@ -206,7 +206,8 @@ def read_back(connection: Connection, data: Path, labels: Labels, scanned: str, 
     if now is None:
         raise WrongLabelError(f"The label of unit {serial} was read before. Scan the next unit.")
     raise WrongLabelError(
-        f"This is the label of unit {serial}. That of unit {now.serial} is awaited. Find the one that is wrong."
+        f"This is the label of unit {serial}, but the label of unit {now.serial} comes first. Check that each unit has "
+        "its own label."
     )
 
 
@@ -226,7 +227,7 @@ def print_again(connection: Connection, data: Path, labels: Labels, run: str) ->
         raise LabelError(f"Unit {row.serial} was measured again. This label does not count any more.")
     altered, result = result_of(data, run)
     if result is None:
-        raise LabelError(f"Run {run}: {altered[0] if altered else 'has no result'}. No label is made of it.")
+        raise LabelError(f"No label can be made of run {run}: {altered[0] if altered else 'it has no result'}.")
     copy = row.copy + (row.sent_at is not None)
     label, reads_as = label_of(data, RunRecord(data / run).manifest(), result, labels, copy)
     anew = {"label": label, "reads_as": reads_as, "copy": copy, "next_s": 0.0, "trouble": ""}
@@ -245,7 +246,7 @@ def set_aside(connection: Connection, run: str, name: str, why: str) -> None:
     values = {"done_at": now_text(), "done_by": name, "why": why, "label": ""}
     asked = (LABELS.c.run == run) & LABELS.c.done_at.is_(None)
     if not connection.execute(update(LABELS).where(asked).values(**values)).rowcount:
-        raise LabelError(f"Run {run[:80]!r} has no label that is awaited.")
+        raise LabelError(f"Run {run[:80]!r} has no label that waits to be scanned.")
 
 
 class Printing:

@@ -65,7 +65,9 @@ def parse_status(answer: bytes) -> Status:
             one["ribbon_out"] = 0  # without a ribbon none can be missing
         found = next((text for name, text in TROUBLES.items() if one[name]), "")
     except (ValueError, KeyError, UnicodeDecodeError):
-        raise PrinterError(f"The printer answers {answer[:40]!r} to ~HS. Is it one that speaks ZPL?") from None
+        raise PrinterError(
+            f"The printer gave no ZPL status ('~HS'), but {answer[:40]!r}. Use a printer that understands ZPL"
+        ) from None
     return Status(found, waiting)
 
 
@@ -89,7 +91,7 @@ class Line:
                     raise PrinterError("The printer ended the connection. Switch it off and on")
                 answer += got
         except TimeoutError:
-            raise PrinterError("The printer does not answer. Look for labels, ribbon and an open head") from None
+            raise PrinterError("The printer does not answer. Check labels, ribbon and print head") from None
         except OSError as error:
             raise PrinterError(f"The connection to the printer is lost: {error.strerror}. Check its cable") from error
         return parse_status(answer)

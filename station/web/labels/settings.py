@@ -10,7 +10,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 from recipes import load_document
 from station.atomic_file import open_file, refused
-from station.web.labels.template import FIELD, LabelError, Template, parse, unknown_fields
+from station.web.labels.template import FIELD, FIELDS, LabelError, Template, parse, unknown_fields
 
 FILE = "labels.yaml"
 SHIPPED = Path(__file__).parent / "label.zpl"
@@ -70,8 +70,8 @@ def load_labels(data: Path) -> Labels | None:
     settings = load_document(file, LabelSettings)
     if settings.read_back is not None and not ONE_RUN & set(FIELD.findall(settings.read_back)):
         raise LabelError(
-            f"{file}: read_back: found {settings.read_back!r}, which other labels and type plates have too; it needs "
-            "{code} or {run}, which name one run alone"
+            f"{file}: read_back: found {settings.read_back!r}, which several labels can share. Use {{code}} or "
+            "{run} in it: they differ for each run"
         )
     templates: dict[str, Template] = {}
     for verdict, name in settings.templates.items():
@@ -80,9 +80,15 @@ def load_labels(data: Path) -> Labels | None:
         wanted = settings.read_back
         if wanted is not None and not found.holds(wanted):
             has = ", ".join(repr(one) for one in found.bar_codes) or "none"
-            raise LabelError(f"{path}: has no bar code that reads as read_back, {wanted!r}; its bar codes: {has}")
+            raise LabelError(
+                f"{path}: no bar code of this label template has the text of read_back, {wanted!r}; its bar codes: "
+                f"{has}. Correct the template, or read_back in {FILE}"
+            )
     if settings.read_back is not None and (unknown := unknown_fields(settings.read_back)):
-        raise LabelError(f"{file}: read_back: found {{{unknown[0]}}}, which is no field of a label")
+        raise LabelError(
+            f"{file}: read_back: found {{{unknown[0]}}}, which is not a field of a label; allowed are "
+            f"{', '.join(FIELDS)}, and the id of a metric"
+        )
     return Labels(settings, templates)
 
 
@@ -94,9 +100,9 @@ def _text(path: Path) -> str:
         raise refused(path, error, "read") from error
     if len(content) > LARGEST_TEMPLATE:
         raise LabelError(
-            f"{path}: is larger than {LARGEST_TEMPLATE} bytes, so it is no label template. Name another file"
+            f"{path}: this file is larger than {LARGEST_TEMPLATE} bytes, so it is no label template. Name another file"
         )
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError:
-        raise LabelError(f"{path}: is not UTF-8. Save it as UTF-8") from None
+        raise LabelError(f"{path}: this label template is not UTF-8. Save it as UTF-8") from None

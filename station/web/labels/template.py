@@ -29,12 +29,12 @@ BEFORE_CODE = re.compile(r"(?:[HQML][AM],|>[9:;])?")
 """What may stand in front of the text of a bar code: error correction of a QR code, subset of a Code 128."""
 
 REFUSED = {
-    "CC": "changes the character by which commands begin",
-    "CD": "changes the character between values",
-    "CT": "changes the character by which control commands begin",
-    "DF": "stores the label under a name",
-    "XF": "prints a label that was stored before",
-    "JU": "changes the settings that the printer keeps",
+    "CC": "this command changes the character with which commands begin",
+    "CD": "this command changes the character between values",
+    "CT": "this command changes the character with which control commands begin",
+    "DF": "this command stores the label in the printer",
+    "XF": "this command prints a label that is stored in the printer",
+    "JU": "this command changes the stored settings of the printer",
 }
 """Commands that a template cannot have, and what they do."""
 
@@ -124,7 +124,9 @@ def value_of(name: str, source: Source) -> str:
         return FIELDS[name].of(source)
     metric = next((one for one in source.result.metrics if one.id == name), None)
     if metric is None or metric.value is None:
-        raise LabelError(f"{{{name}}}: run {source.manifest.id} has no value of this metric. Take it off the label")
+        raise LabelError(
+            f"{{{name}}}: run {source.manifest.id} has no value of this metric. Remove this field from the template"
+        )
     return f"{metric.value:.4g} {metric.unit}".strip()
 
 
@@ -150,22 +152,22 @@ def parse(text: str, shown_as: str) -> Template:
         return LabelError(f"{shown_as}: {why}")
 
     if "~" in text:
-        raise refuse("found '~'; a template has commands that begin with '^' only. Take it out")
+        raise refuse("found '~'; allowed are commands that begin with '^'. Remove it")
     commands = list(_COMMAND.finditer(text))
     if text.count("^") != len(commands) or any(len(one[1]) == 1 for one in commands):
-        raise refuse("has a '^' with no command behind it, or one in small letters. Write commands in capitals")
+        raise refuse("found '^' without a command, or a command in small letters. Write commands in capitals")
     names = [one[1] for one in commands]
     if names[:1] != ["XA"] or names[-1:] != ["XZ"] or names.count("XA") != 1 or names.count("XZ") != 1:
-        raise refuse("is not one label; it has to begin with ^XA and to end with ^XZ, once each")
+        raise refuse("found no label, or several. A label template begins with ^XA and ends with ^XZ, once each")
     if text[: commands[0].start()].strip() or commands[-1][2].strip():
-        raise refuse("has text in front of ^XA or behind ^XZ. Take it out")
+        raise refuse("found text before ^XA or after ^XZ. Remove it")
     for name in names:
         if name in REFUSED:
-            raise refuse(f"found ^{name}, which {REFUSED[name]}. Take it out")
+            raise refuse(f"found ^{name}: {REFUSED[name]}. Remove it")
     if any(one[1] == "PQ" and not ONE_LABEL.fullmatch("".join(one[2].split())) for one in commands):
-        raise refuse("found ^PQ with more than one label; a unit gets one. Take it out")
+        raise refuse("found ^PQ with more than one label; a unit gets one label. Remove ^PQ")
     if not any(one[1] == "CI" and one[2].strip() == "28" for one in commands):
-        raise refuse("has no ^CI28, by which the printer reads UTF-8. Write it behind ^XA")
+        raise refuse("found no ^CI28, which makes the printer read UTF-8. Write it after ^XA")
     parts, codes = _parts(commands, refuse)
     return Template(tuple(parts), tuple(codes))
 
@@ -182,21 +184,24 @@ def _parts(commands: list[re.Match[str]], refuse: Callable[[str], LabelError]) -
         in_code = any(one.startswith("B") and one != "BY" for one in of_field)
         if name not in ("FD", "FV"):
             if FIELD.search(data):
-                raise refuse(f"found {data.strip()[:40]!r} in ^{name}; a field stands in ^FD only")
+                raise refuse(f"found {data.strip()[:40]!r} in ^{name}; a field in braces is allowed in ^FD only")
             parts.append(_Part(command[0]))
             continue
         if unknown := unknown_fields(data):
             allowed = ", ".join(FIELDS)
             raise refuse(f"found {{{unknown[0]}}}; allowed are {allowed}, and the id of a metric")
         if FIELD.search(data) and "FH" not in of_field:
-            raise refuse(f"found {data.strip()[:40]!r} without ^FH in front of ^FD, so a value could be a command")
+            raise refuse(
+                f"found {data.strip()[:40]!r} without ^FH before ^FD, so a value could be read as a command. Write ^FH "
+                "before ^FD"
+            )
         if "FH" in of_field and _HEX.search(FIELD.sub("", data)):
-            raise refuse(f"found '_' in {data.strip()[:40]!r}; behind ^FH it is written _5F")
+            raise refuse(f"found '_' in {data.strip()[:40]!r}. After ^FH, write _5F for it")
         if in_code:
             codes.append(data.rstrip("\r\n"))
         parts += _of_data(f"^{name}", data, in_code=in_code)
     if any(one[1] == "FH" and one[2].strip() for one in commands):
-        raise refuse("found ^FH with a character of its own; write ^FH alone")
+        raise refuse("found ^FH with another character than '_'. Write ^FH alone")
     return parts, codes
 
 
@@ -211,7 +216,7 @@ def _of_data(begin: str, data: str, *, in_code: bool) -> list[_Part]:
 def _written(part: _Part, value: str) -> str:
     if part.in_code and not IN_BAR_CODES.fullmatch(value):
         allowed = "letters, digits, blank and . : / + _ -"
-        raise LabelError(f"{{{part.field}}}: found {value[:60]!r}; a bar code takes {allowed}")
+        raise LabelError(f"{{{part.field}}}: found {value[:60]!r}; allowed in a bar code: {allowed}")
     if not value.isprintable():
         raise LabelError(f"{{{part.field}}}: found {value[:60]!r}, which cannot be printed")
     return "".join(

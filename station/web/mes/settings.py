@@ -46,7 +46,7 @@ class MesSettings(BaseModel):
             httpx.URL(text)
             parts.hostname.encode("idna")
         except (httpx.InvalidURL, UnicodeError) as error:
-            raise refusal(text, f"an address that can be reached: {error}") from error
+            raise refusal(text, f"a valid address: {error}") from error
         return text
 
 
@@ -74,9 +74,11 @@ def read_secret(data: Path, settings: MesSettings) -> bytes:
             mode = os.fstat(opened.fileno()).st_mode
             secret = opened.read(LONGEST_SECRET_BYTES + 1).strip()
     except OSError as error:
-        raise StationError(f"{FILE}: secret_file: {file} cannot be read: {error.strerror}") from error
+        raise StationError(
+            f"{FILE}: secret_file: {file} cannot be read: {error.strerror}. Make this file, readable for this user only"
+        ) from error
     if mode & (stat.S_IRWXG | stat.S_IRWXO):
-        raise StationError(f"{FILE}: secret_file: {file} can be read by others. Close it with: chmod 600 {file}")
+        raise StationError(f"{FILE}: secret_file: other users can read {file}. Run: chmod 600 {file}")
     if not LEAST_SECRET_BYTES <= len(secret) <= LONGEST_SECRET_BYTES:
         allowed = f"{LEAST_SECRET_BYTES} to {LONGEST_SECRET_BYTES} bytes"
         raise StationError(f"{FILE}: secret_file: {file} has {len(secret)} bytes; allowed are {allowed}")

@@ -49,7 +49,9 @@ BUTTONS = {
 }
 """The actions of the recovery, as the page offers them."""
 
-NOBODY_SAW = "What the bench did after that is not recorded. Treat the unit as wound up: keep clear of its shafts."
+NOBODY_SAW = (
+    "What the bench did after the end of the record is not known. Treat the unit as wound up: keep clear of its shafts."
+)
 
 
 def add_maintenance(station: Station) -> None:

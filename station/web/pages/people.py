@@ -21,7 +21,7 @@ from station.web.station import Station
 
 COLUMNS = ("Name", "Role", "Account", "Badge")
 DONE = {
-    "add_person": "The account is there. Its owner replaces the first password at the first log-in.",
+    "add_person": "The account was added. Its owner replaces the first password at the first log-in.",
     "disable_person": "The account is closed.",
     "reset_person": "The account is open again. Its owner replaces the first password at the next log-in.",
     "assign_badge": "The badge belongs to {name} now.",

@@ -122,12 +122,12 @@ def problems_of(connection: Connection) -> list[str]:
         line = Line(**row._mapping)  # noqa: SLF001 - as above
         number += 1
         if line.number != number:
-            problems.append(f"line {number}: is missing; the next one is {line.number}")
+            problems.append(f"line {number} of the audit trail is missing; the next line is {line.number}")
             number = line.number
         if line.before_sha256 != before:
-            problems.append(f"line {number}: does not follow the line before it")
+            problems.append(f"line {number} of the audit trail does not follow the line before it: lines were changed")
         if line.sha256 != _hash(line):
-            problems.append(f"line {number}: was changed")
+            problems.append(f"line {number} of the audit trail was changed")
         before = line.sha256
     return problems
 

@@ -58,7 +58,9 @@ class DryRuns:
         """Begin to try the text of a recipe that was checked; StationError where another one is being tried."""
         with self._lock:
             if self._now.stage == TRYING:
-                raise StationError(f"A dry run of {self._now.title} is on. Wait for its end, then try this one.")
+                raise StationError(
+                    f"A dry run of {self._now.title} is in progress. Wait for its end, then try this one."
+                )
             self._now = DryRun(TRYING, hash_of(content), title)
             found = self._now
         Thread(target=self._run, args=(content, bench), daemon=True).start()

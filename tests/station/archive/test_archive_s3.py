@@ -84,6 +84,6 @@ def test_an_archive_that_is_not_there_is_told_and_nothing_is_noted(
     named = {"key_from": KEY, "secret_from": SECRET}
     for url, there in (("s3://plant/eol", "http://127.0.0.1:9"), ("s3://nobodys/eol", endpoint)):
         place = Place(ArchiveSettings(url=url, endpoint=there, **named))
-        with pytest.raises(ArchiveError, match=r"Check (network, address and credentials|bucket and folder)"):
+        with pytest.raises(ArchiveError, match=r"Check (network, address and credentials|the url in archive.yaml)"):
             push(data, place)
     assert not read_note(data).runs

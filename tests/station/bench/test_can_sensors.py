@@ -77,9 +77,9 @@ REFUSED = {
         "Angles.InputAngle in channel torque_out_nm",
     ),
     "29 bits": ("can-dbc", "profiles/sensor-box.dbc", "BO_ 291 ", "BO_ 2147483939 ", "29 bits of identifier"),
-    "no dbc": ("can-dbc", "profiles/sensor-box.dbc", "BO_ 291 ", "BO_ torques ", "no DBC file that cantools reads"),
+    "no dbc": ("can-dbc", "profiles/sensor-box.dbc", "BO_ 291 ", "BO_ torques ", "not a readable DBC file"),
     "multiplexed": (
-        "can-dbc", "profiles/sensor-box.dbc", "OutputTorque :", "OutputTorque M :", "a multiplexed signal",
+        "can-dbc", "profiles/sensor-box.dbc", "OutputTorque :", "OutputTorque M :", "the multiplexed signal",
     ),
     "identifier of the drive": ("can-sensors", "can-sensors.yaml", "node_id: 11", "node_id: 5", "TPDO 1 of the drive"),
     "two sensors of one identifier": (
@@ -87,11 +87,11 @@ REFUSED = {
     ),
     "a node id that is not given": (
         "can-sensors", "can-sensors.yaml", "profile: can-encoders, node_id: 12", "profile: can-encoders",
-        "with 'node_id' in the bench file",
+        "only if the bench file gives this sensor a 'node_id'",
     ),
     "set up without a node id": (
         "can-sensors", "can-sensors.yaml", "node_id: 11, update_every: 1 ms, heartbeat: 50 ms", "update_every: 1 ms",
-        "identity; allowed: with 'node_id' in the bench file",
+        "'identity'; allowed: only if the bench file gives this sensor a 'node_id'",
     ),
     "a heartbeat without a node id": ("can-sensors", "can-sensors.yaml", "node_id: 11, ", "", "heartbeat without node"),
     "the controller's node id": (

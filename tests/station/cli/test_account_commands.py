@@ -91,8 +91,8 @@ def test_the_text_of_a_recipe_is_shown_as_it_was_saved(terminal: Terminal, tmp_p
     assert "lathe-7 revision 1, draft" in draft.err
     none_released = terminal.run("recipes", "show", "lathe-7")
     assert none_released.exit_code == 2
-    assert "lathe-7: none of it is released; there is r1 (draft)" in none_released.err
-    assert "there is no revision 9; there is r1 (draft)" in terminal.run("recipes", "show", "lathe-7", "9").err
+    assert "recipe lathe-7 has no released revision; its revisions are r1 (draft)" in none_released.err
+    assert "has no revision 9; its revisions are r1 (draft)" in terminal.run("recipes", "show", "lathe-7", "9").err
     unknown = terminal.run("recipes", "show", "rv-40e-121-quik")
     assert unknown.exit_code == 2
     assert "Did you mean 'rv-40e-121-quick'?" in unknown.err

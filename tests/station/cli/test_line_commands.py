@@ -90,7 +90,7 @@ def test_capability_against_the_limit_of_the_recipe(runs: Path, capsys: pytest.C
 
 def test_capability_of_a_file_needs_a_limit(tmp_path: Path) -> None:
     path = csv(tmp_path, "value\n9.9\n10.1\n10\n")
-    with pytest.raises(StationError, match=r"a file has no limits; give --min X, --max X or both"):
+    with pytest.raises(StationError, match=r"a file has no limits. Give --min X, --max X or both"):
         line.capability_of(of_file(path), (None, None), 1, 0.95, as_json=False)
     assert line.capability_of(of_file(path), (9.0, 11.0), 1, 0.95, as_json=False) == 0
 
@@ -180,7 +180,7 @@ def test_a_gage_study_of_stored_runs_by_day_and_by_a_list(tmp_path: Path, capsys
     assert (by_day["parts"], by_day["trials"]) == (["P0", "P1", "P2"], 2)
     command_gage.gage(csv(tmp_path, "\n".join(rows)), ASK, data, "day", (2.0, 0.95), as_json=True)
     assert printed(capsys)["anova"] == by_day["anova"]
-    with pytest.raises(StationError, match="every run is of one bench"):
+    with pytest.raises(StationError, match="all runs have the same bench"):
         command_gage.gage(None, ASK, data, "bench", (None, 0.95), as_json=True)
     with pytest.raises(StationError, match="row 2, column run: found 'nothing'"):
         command_gage.gage(
@@ -204,7 +204,7 @@ def test_a_gage_study_of_stored_runs_by_operator(tmp_path: Path, capsys: pytest.
     assert (found["operators"], found["parts"], found["trials"]) == (["Ada", "Bo"], ["P0", "P1", "P2"], 2)
     store_run(data, "P0", [metric(0.3)])
     with pytest.raises(
-        StationError, match=r"1 of 13 runs have no operator, .*-P0 for one; measure with 'lostmotion run"
+        StationError, match=r"1 of 13 runs name no operator, for example run .*-P0. Measure with 'lostmotion run"
     ):
         command_gage.gage(None, ASK, data, "operator", (2.0, 0.95), as_json=True)
 

@@ -108,6 +108,6 @@ def test_a_report_may_be_written_into_the_folder_of_its_own_run(run: Path) -> No
 
 
 def test_a_place_that_takes_no_file_is_told() -> None:
-    told = r"^out\.csv: cannot be written: Permission denied\. Choose another --out$"
+    told = r"^file out\.csv cannot be written: Permission denied\. Choose another place with --out$"
     with pytest.raises(StationError, match=told), writing(Path("out.csv")):
         raise PermissionError(13, "Permission denied")

@@ -44,7 +44,7 @@ def test_a_file_that_cannot_be_read_makes_the_command_say_so_and_keeps_no_other_
     (folder / "broken.eds").write_text("[1000]\nParameterName=x\n", encoding="utf-8")
     done = CliRunner().invoke(app, ["profile", "from-eds", str(folder)])
     assert done.exit_code == 1
-    assert "4 files: 3 usable, 0 cannot be used, 1 could not be read" in done.stdout
+    assert "4 drive files: 3 usable, 0 of drives that cannot be used, 1 not readable" in done.stdout
 
 
 @pytest.fixture

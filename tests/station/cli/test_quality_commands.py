@@ -60,9 +60,9 @@ def test_every_command_says_the_same_to_people_and_programs(folder: Path, comman
         (("yield", "--by", "moon"), "--by: found 'moon'"),
         (("yield", "--since", "yesterday"), "--since"),
         (("yield", "--virtual"), "Of real units there are 27"),
-        (("chart", *LOST_MOTION, "--rules", "nelsen"), "there are the sets shewhart"),
-        (("chart", "--metric", "none"), "the newest run of this lot has lost_motion"),
-        (("trend", *LOST_MOTION, "--by", "recipe"), "found 1: inverse"),
+        (("chart", *LOST_MOTION, "--rules", "nelsen"), "the rule sets shewhart"),
+        (("chart", "--metric", "none"), "the newest run of this lot has the metrics lost_motion"),
+        (("trend", *LOST_MOTION, "--by", "recipe"), "found 1 to compare (inverse)"),
         (("type1", *LOST_MOTION, "--serial", "U1", "--reference", "0.5", "--tolerance", "1"), "expected 25 or more"),
     ],
 )

@@ -72,7 +72,7 @@ def test_the_published_eccentricities(tmp_path: Path, capsys: pytest.CaptureFixt
     found = printed(capsys)
     assert (found["exponent"], len(found["rows"])) == (2.0, 3)
     assert found["at"][0]["stiffness_nm_per_rad"] == pytest.approx(100 / 1.153e-3, rel=1e-3)
-    with pytest.raises(StationError, match="choose one"):
+    with pytest.raises(StationError, match="cannot be combined"):
         command_studies.eccentricity(None, 2.0, [], free=True, as_json=True)
     with pytest.raises(StationError, match="--at: found 0"):
         command_studies.eccentricity(None, None, [0.0], free=False, as_json=True)

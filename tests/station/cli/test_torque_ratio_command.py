@@ -111,7 +111,10 @@ def test_without_outliers_nothing_is_flagged_and_no_second_line_is_given(tmp_pat
         (HEAD + "1,100\n1,200\n1,300\n", "points.csv: torque ratio: every input torque is 1 N·m"),
         (HEAD + "1,80\n2,175\n-1,-80\n-2,-175\n", "row 4, column torque_out_nm: found -175 N·m after 175 N·m in row 2"),
         (HEAD, "no rows below the header"),
-        ("torque_in_nm,torque_out_nm,segment\n1,80,dwell +1 1\n2,175,dwell +1 1\n", "found dwell; expected rows of"),
+        (
+            "torque_in_nm,torque_out_nm,segment\n1,80,dwell +1 1\n2,175,dwell +1 1\n",
+            "found dwell; expected calibrate or measure",
+        ),
         ("torque_in_nm,torque_out_nm,segment\n1,80,measure +1 1\n2,175,measure +1 1\n", "fewer than 3 points in every"),
     ],
 )

@@ -193,7 +193,7 @@ def test_a_serial_number_may_have_colons() -> None:
 @pytest.mark.parametrize(
     ("words", "told"),
     [
-        (("--tests", "NOTES"), "is no report of tests: "),
+        (("--tests", "NOTES"), "this is not a test report: "),
         (("--tests", "PAGE"), "its outermost element is html"),
         (("--tests", "NOBODY"), "cannot be read: No such file or directory"),
         (("--evidence", "NOTES", "--evidence", "NOTES"), "two files are called notes.xml; rename one"),
@@ -215,6 +215,6 @@ def test_bad_input_is_refused_and_nothing_is_written(
 
 
 def test_a_pack_needs_a_place_and_a_check_needs_a_pack(folder: Path, tmp_path: Path) -> None:
-    assert "found no --out" in here("quality", "validation", "--data", str(folder)).err
-    assert "is no validation pack" in here("quality", "validation", "--check", str(tmp_path)).err
+    assert "--out is missing" in here("quality", "validation", "--data", str(folder)).err
+    assert "this is not a validation pack" in here("quality", "validation", "--check", str(tmp_path)).err
     assert here("quality", "validation", "--data", str(tmp_path / "no"), "--out", str(tmp_path / "x")).exit_code == 2

@@ -58,4 +58,4 @@ def test_contacts_that_are_asked_for_in_vain_are_unknown_and_open_ones_are_named
     for _ in range(STALE_MS + 10):
         device.scan += 1
         said = look()
-    assert "emergency stop and guard not known" in said
+    assert "emergency stop and guard are not known" in said

@@ -162,7 +162,7 @@ def test_a_certificate_that_clients_would_refuse_is_refused_at_the_start(tmp_pat
     plant.set_up()
     settings = load_opcua(plant.data)
     assert checked_certificate(plant.data, settings)[1].startswith("urn:")
-    with pytest.raises(StationError, match="exists already"):
+    with pytest.raises(StationError, match="the server has a certificate already"):
         make_certificate(plant.data, settings, ())
     elsewhere = settings.model_copy(update={"endpoint": "opc.tcp://bench-7.plant.example:4840/"})
     with pytest.raises(StationError, match="not for bench-7"):
@@ -176,7 +176,7 @@ def test_a_certificate_that_clients_would_refuse_is_refused_at_the_start(tmp_pat
     with pytest.raises(StationError, match="chmod 600"):
         checked_certificate(plant.data, other)
     key.chmod(0o600)
-    with pytest.raises(StationError, match="not the key"):
+    with pytest.raises(StationError, match="does not belong to the certificate"):
         checked_certificate(plant.data, other)
 
 

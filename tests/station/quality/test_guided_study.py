@@ -70,15 +70,15 @@ def data(tmp_path: Path) -> Path:
         (replace(GAGE_ASKED, operators=("Anna", "Anna")), "--operator: found 'Anna' twice"),
         (replace(GAGE_ASKED, trials=1), "--trials: found 1; a gage study has 2 trials or more"),
         (replace(GAGE_ASKED, trials=999), "allowed are up to 1000"),
-        (replace(GAGE_ASKED, references=(1.0,)), "a gage study has none"),
+        (replace(GAGE_ASKED, references=(1.0,)), "only a type 1 study has a reference value"),
         (replace(GAGE_ASKED, metrics=()), "--metric: found none"),
-        (replace(GAGE_ASKED, metrics=("backlash",)), "the recipe golden has torque_ratio_slope"),
+        (replace(GAGE_ASKED, metrics=("backlash",)), "the recipe golden has the metrics torque_ratio_slope"),
         (replace(GAGE_ASKED, parts=("A=Z9", "B")), "Z9"),
         (replace(GAGE_ASKED, tolerances=(-1.0,)), "--tolerance: found -1"),
-        (replace(TYPE_ONE_ASKED, parts=("M", "N")), "--part: found 2 units; a type 1 study is of one unit"),
+        (replace(TYPE_ONE_ASKED, parts=("M", "N")), "--part: found 2 units; a type 1 study measures exactly one"),
         (replace(TYPE_ONE_ASKED, trials=24), "--trials: found 24; a type1 study has 25 measurements"),
-        (replace(TYPE_ONE_ASKED, references=()), "--reference: found 0 for 1 metrics"),
-        (replace(TYPE_ONE_ASKED, tolerances=()), "has one limit or none, so it has no tolerance"),
+        (replace(TYPE_ONE_ASKED, references=()), "--reference: found 0 values for 1 metrics"),
+        (replace(TYPE_ONE_ASKED, tolerances=()), "has one limit or none, so its tolerance is not known"),
         (replace(TYPE_ONE_ASKED, recipe="nowhere.yaml"), "nowhere.yaml"),
     ],
 )
@@ -102,15 +102,15 @@ def test_a_name_that_is_no_file_name_is_refused(data: Path) -> None:
 
 
 NO_MEASUREMENTS: dict[str, tuple[dict[str, Any], str]] = {
-    "another unit": ({"serial": "B"}, "it is of unit B, and the step of A"),
-    "another operator": ({"operator": "Ben"}, "Ben measured it, and Anna was to"),
-    "nobody": ({"operator": None}, "nobody measured it"),
-    "stopped": ({"state": "stopped"}, "it ended as stopped"),
-    "faulted": ({"state": "fault"}, "it ended as fault"),
+    "another unit": ({"serial": "B"}, "the run measured unit B, and the plan of the study has unit A here"),
+    "another operator": ({"operator": "Ben"}, "the run has the operator Ben, and the plan of the study has Anna"),
+    "nobody": ({"operator": None}, "the run has the operator none"),
+    "stopped": ({"state": "stopped"}, "the run ended as stopped"),
+    "faulted": ({"state": "fault"}, "the run ended as fault"),
     "faults injected": ({"scenario": "s.yaml"}, "faults were injected"),
     "not decidable": ({"reasons": ["measurement invalid: drift"]}, "not decidable: measurement invalid: drift"),
-    "virtual": ({"virtual": "P1"}, "it is simulated"),
-    "no value": ({"value": None}, "it has no value of lost_motion"),
+    "virtual": ({"virtual": "P1"}, "the run is simulated"),
+    "no value": ({"value": None}, "the run has no value of lost_motion"),
 }
 
 
@@ -264,7 +264,7 @@ def test_an_incomplete_design_is_refused_by_what_is_missing(data: Path) -> None:
     assert found.exit_code == 2
     assert "study g: 9 of 12 steps are measured" in found.err
     assert "unit B by Ben: trials 1 to 3" in found.err
-    assert f"step 4, run {bad} does not count: it ended as stopped" in found.err
+    assert f"step 4, run {bad} does not count: the run ended as stopped" in found.err
     status = here("quality", "study", "status", "g", "--data", str(data))
     assert status.exit_code == 1
     assert "missing: unit B by Ben: trials 1 to 3" in status.out
@@ -317,10 +317,10 @@ def test_a_gage_study_on_the_virtual_bench_from_its_plan_to_its_figures(tmp_path
     assert refused.exit_code == 2
     assert f"found unit {other}; unit {first['part']} is next" in refused.err
     refused = here(*run, "--serial", first["part"], "--operator", "Cem")
-    assert f"found operator Cem; {first['operator']} measures this step" in refused.err
+    assert f"found operator Cem; this step is for operator {first['operator']}" in refused.err
     quick = here(*run[:1], "rv-40e-121-quick", *run[2:], "--serial", first["part"], "--operator", first["operator"])
     assert quick.exit_code == 2
-    assert "two recipes are not one gage" in quick.err
+    assert "All steps of a study need the same file" in quick.err
     assert not [one for one in Path(data).iterdir() if (one / "run.json").exists()], "nothing was started"
 
     one = here("quality", "study", "measure", "g", "--virtual-time", "--seed", "100", "--data", data)

@@ -69,7 +69,7 @@ def test_a_master_part_speaks_for_its_bench_while_it_is_young_and_reads_right(
 @pytest.mark.parametrize(
     ("low", "high", "said"),
     [
-        (100.0, 104.0, "stiffness_lsq above 4 %"),
+        (100.0, 104.0, "above 4 % of the metric stiffness_lsq"),
         (None, 104.0, "lower and an upper limit"),
         (100.0, None, "lower and an"),
     ],
@@ -112,7 +112,7 @@ def test_a_master_part_is_no_unit_of_the_line(tmp_path: Path) -> None:
     assert dict(found.left_out) == {"of a master part": 1}
     alone = stored_values(tmp_path, Ask("lost_motion", serial=GOOD.serial))
     assert [one.value for one in alone.values] == [0.9]
-    with pytest.raises(StationError, match="no run has a value"):
+    with pytest.raises(StationError, match="no run has a usable value"):
         stored_values(tmp_path, Ask("lost_motion", serial="U9"))
 
 

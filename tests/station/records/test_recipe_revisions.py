@@ -87,7 +87,7 @@ def test_a_revision_goes_from_its_author_to_its_release_and_is_what_the_name_mea
     draft = save_draft(data, text(3), "Ada")
     assert (draft.state, draft.authors) == (State.DRAFT, ("Ada",))
     assert History(data).newest_released(NAME).revision == 2, "a draft measures nothing"
-    with pytest.raises(RevisionError, match="asks"):
+    with pytest.raises(RevisionError, match="has to ask"):
         release(data, NAME, 3, draft.sha256, "Bea")
     ask_release(data, NAME, 3, draft.sha256, "Ada")
     with pytest.raises(RevisionError, match="Another person"):

@@ -109,7 +109,7 @@ def test_runs_are_found_by_id_part_serial_and_last(tmp_path: Path) -> None:
     assert store.find(str(first.folder)).id == first.id
     assert store.find("B2").id == second.id
     assert store.find("last").id == second.id
-    with pytest.raises(StationError, match="fits 2 runs"):
+    with pytest.raises(StationError, match="the ids of 2 runs contain this"):
         store.find("20")
     with pytest.raises(StationError, match="no such run"):
         store.find("nothing")
@@ -155,14 +155,14 @@ def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: p
 @pytest.mark.parametrize(
     ("number", "action"),
     [
-        (errno.ENOSPC, "No space left on device. Free the disk"),
+        (errno.ENOSPC, "No space left on device. Free space on this disk"),
         (errno.EDQUOT, "quota"),
         (errno.EROFS, "Read-only file system. Mount the disk for writing"),
         (errno.EIO, "Input/output error. The disk failed"),
         (errno.EACCES, "Permission denied. Give this user write permission"),
         (errno.EPERM, "Operation not permitted. Give this user write permission"),
-        (errno.ENOENT, "No such file or directory. Restore the missing folder"),
-        (errno.ENOTDIR, "Not a directory. Restore the missing folder"),
+        (errno.ENOENT, "No such file or directory. Restore the missing folder of this path"),
+        (errno.ENOTDIR, "Not a directory. Restore the missing folder of this path"),
         (errno.EFBIG, "File too large. Check the disk"),
     ],
 )
@@ -203,7 +203,7 @@ def test_a_file_that_vanishes_while_it_is_written_takes_nothing_more(
     file.sync()
     vanish(path)
     for deed in (lambda: file.write(b"two"), file.sync):
-        with pytest.raises(RecordError, match="was deleted, moved or replaced while it was written"):
+        with pytest.raises(RecordError, match="was deleted, moved or replaced while the program was writing it"):
             deed()
 
 
@@ -211,7 +211,7 @@ def test_a_file_that_is_put_back_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "samples.bin"
     file = Appender(path)
     path.rename(tmp_path / "elsewhere")
-    with pytest.raises(RecordError, match=r"samples\.bin: was deleted, moved"):
+    with pytest.raises(RecordError, match=r"samples\.bin: this file was deleted, moved"):
         file.write(b"one")
     (tmp_path / "elsewhere").rename(path)
     file.write(b"two")
@@ -246,7 +246,9 @@ def test_a_link_in_place_of_the_lock_is_followed_by_nobody(tmp_path: Path) -> No
 
 def test_a_full_device_is_to_be_freed() -> None:
     file = Appender(Path("/dev/full"))
-    with pytest.raises(RecordError, match=r"/dev/full: cannot be written: No space left on device\. Free the disk"):
+    with pytest.raises(
+        RecordError, match=r"/dev/full: cannot be written: No space left on device\. Free space on this disk"
+    ):
         file.write(b"record")
 
 

@@ -123,7 +123,7 @@ def test_the_run_folder_is_used_without_shared_memory(tmp_path: Path, monkeypatc
 def test_another_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "other"
     path.write_bytes(bytes(8192))
-    with pytest.raises(RingError, match="not a record buffer of this version"):
+    with pytest.raises(RingError, match="another version of lostmotion made this record buffer"):
         RingReader(path)
 
 

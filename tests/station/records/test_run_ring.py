@@ -156,10 +156,13 @@ def test_the_header_is_read_without_touching_the_ring(run: RunRecord) -> None:
 def test_a_run_gets_no_ring_but_its_own(run: RunRecord, tmp_path: Path) -> None:
     other = Store(tmp_path / "runs").create("T", SETUP, {})
     other.update(ring=str(ring(run)))
-    with pytest.raises(RecordError, match=f"ring: found the record buffer of run {run.id}; allowed is its own"):
+    with pytest.raises(RecordError, match=f"entry 'ring': found the record buffer of another run, {run.id}"):
         ring_of(other)
     other.update(ring="/etc/passwd")
-    with pytest.raises(RecordError, match="ring: found '/etc/passwd'; allowed is a file lostmotion-ring-"):
+    with pytest.raises(
+        RecordError,
+        match="entry 'ring': found '/etc/passwd'; allowed: the path of a file whose name begins with lostmotion-ring-",
+    ):
         ring_of(other)
 
 

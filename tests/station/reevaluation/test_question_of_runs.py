@@ -108,7 +108,10 @@ def test_what_is_not_as_it_was_archived_or_sealed_is_no_outcome(folder: Path, tm
     copy = Path(shutil.copytree(folder / "good", tmp_path / "runs"))
     run = copy / record.run
     (run / "result.json").write_bytes(b"{}")
-    assert "record altered: result.json" in evaluate_one(replace(record, folder=str(run)), question).error
+    assert (
+        "the record of the run was altered: result.json"
+        in evaluate_one(replace(record, folder=str(run)), question).error
+    )
 
 
 @pytest.fixture
@@ -222,17 +225,20 @@ def test_a_metric_without_a_limit_flips_nothing(folder: Path) -> None:
 
 REFUSED = {
     "nothing is asked": ((), "--recipe, --metric, --preset or --limits"),
-    "limits of nothing": (("--limits", "lost_motion"), "a metric and what is other"),
+    "limits of nothing": (("--limits", "lost_motion"), "a metric and its new limits"),
     "a limit that is no number": (("--limits", "lost_motion max=wide"), "a number"),
-    "an option that is none": (("--limits", "lost_motion upper=1"), "min, max, guard and branch"),
-    "two questions": (("--limits", "lost_motion max=1", "--preset", "nabtesco"), "a question of its own"),
+    "an option that is none": (("--limits", "lost_motion upper=1"), "(min, max, guard, branch)"),
+    "two questions": (("--limits", "lost_motion max=1", "--preset", "nabtesco"), "cannot be combined"),
     "a condition that is none": (("--preset", "nabtesco", "--where", "colour=red"), "allowed is NAME=VALUE"),
     "a date that is none": (("--preset", "nabtesco", "--where", "since=monday"), "a date"),
     "a preset that is none": (("--preset", "nobody"), "allowed are"),
     "no run fits": (("--preset", "nabtesco", "--where", "model=none"), "no complete run fits"),
     "no archive": (("--preset", "nabtesco", "--archive"), "archive.yaml"),
     "a cluster without an archive": (("--preset", "nabtesco", "--cluster", "local"), "archive.yaml"),
-    "limits by a serial number": (("--limits", "lost_motion max=1", "--where", "serial=U1"), "tried on a lot"),
+    "limits by a serial number": (
+        ("--limits", "lost_motion max=1", "--where", "serial=U1"),
+        "cannot be used together with --limits",
+    ),
 }
 
 

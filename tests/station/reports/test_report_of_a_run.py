@@ -246,14 +246,14 @@ def test_no_model_is_made_of_the_locks_own_deflection(tmp_path: Path) -> None:
     head, *rows = (ROOT / "tests" / "data" / "loop_published_curve.csv").read_text(encoding="utf-8").splitlines()
     path = tmp_path / "both.csv"
     path.write_text("\n".join([f"{head},angle_in_rad", *(f"{row},0.1" for row in rows)]))
-    with pytest.raises(StationError, match=r"not which shaft is locked.*--recipe"):
+    with pytest.raises(StationError, match=r"does not say which shaft is locked.*recipe"):
         command_model.model(Asked(str(path), "cubic", [], None, None, ROOT, None), as_json=False)
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"kind": "spline"}, "--kind: found 'spline'"),
+        ({"kind": "spline"}, r"--kind \(kind of model\): found 'spline'"),
         ({"kind": "all", "fixed": ["friction_nm=1"]}, "are for one model"),
         ({"kind": "maxwell-slip", "fixed": ["a=1"]}, "maxwell-slip"),
         ({"trace": "none.csv"}, "there is no such file"),

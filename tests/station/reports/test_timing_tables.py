@@ -60,8 +60,11 @@ def test_each_missed_period_has_its_scan_and_what_took_the_time() -> None:
     ("gaps", "more"),
     [
         (MISSED_SHOWN, ""),
-        (13, "and 3 more, in timing.json"),
-        (GAPS_KEPT + 4, f"and {GAPS_KEPT + 4 - MISSED_SHOWN} more, in timing.json, which has the first {GAPS_KEPT}"),
+        (13, "3 more gaps are in timing.json"),
+        (
+            GAPS_KEPT + 4,
+            f"{GAPS_KEPT + 4 - MISSED_SHOWN} more gaps are in timing.json, which has the first {GAPS_KEPT}",
+        ),
     ],
 )
 def test_more_missed_periods_than_fit_are_counted(gaps: int, more: str) -> None:
@@ -103,7 +106,7 @@ def test_html_and_pdf_have_the_tables() -> None:
     words = " ".join(text.split())
     assert "µs p50 p99 p99.9 max wake-up latency 1.0 2.0 3.0 1019.6" in words
     assert "after scan time missed what took the time late read step write record 3 0.003 s 2 long write" in words
-    assert "and 3 more, in timing.json" in words
+    assert "3 more gaps are in timing.json" in words
     assert "longest 3 0.003 s long write" in words
     without = report_pdf(found, run, Content(""), {}, {})
     assert len(report_pdf(found, run, content, {}, {})) > len(without)

@@ -51,7 +51,7 @@ def test_a_preset_is_never_the_runs_own_verdict(failed: RunRecord) -> None:
     result = reevaluate(failed, None, None, Selection("nabtesco"))
     assert (result.preset, result.reevaluated, result.original_verdict) == ("nabtesco", True, "FAIL")
     assert [metric.id for metric in result.metrics] == ["backlash_width_zero", "lost_motion", "stiffness_50_100"]
-    assert "by the definitions of preset nabtesco, not the run's own verdict (FAIL)" in reevaluation_heading(result)
+    assert "by the definitions of preset nabtesco. The run's own verdict was FAIL" in reevaluation_heading(result)
     assert RunRecord(failed.folder).manifest().verdict == "FAIL"
 
 
@@ -63,7 +63,7 @@ def test_another_recipe_is_never_the_runs_own_verdict(failed: RunRecord, tmp_pat
     assert (result["reevaluated"], result["original_verdict"]) == (True, "FAIL")
     shown = here("analyze", str(failed.folder), "--recipe", generous).out
     sha = result["recipe"]["sha256"][:8]
-    heading = f"RE-EVALUATED with rv-40e-121-quick rev {REVISION} ({sha}), not the run's own verdict (FAIL)"
+    heading = f"RE-EVALUATED with recipe rv-40e-121-quick revision {REVISION} ({sha}). The run's own verdict was FAIL"
     assert shown.startswith(heading)
     assert shown.rstrip().endswith(heading)
 
@@ -86,7 +86,7 @@ def test_a_recipe_for_another_model_is_refused(failed: RunRecord, tmp_path: Path
 
 def test_a_recipe_with_another_ratio_is_refused(failed: RunRecord, tmp_path: Path) -> None:
     """A larger ratio makes the play of the same unit smaller: 1.17 arcmin by 121 are 0.94 by 151."""
-    with pytest.raises(StationError, match=r"found 151; run .* of 121\. One model has one ratio"):
+    with pytest.raises(StationError, match=r"found 151; run .* with ratio 121\. One model has one ratio"):
         reevaluate(failed, changed_recipe(tmp_path, ("ratio: 121", "ratio: 151")), None)
 
 
@@ -119,7 +119,7 @@ def test_a_bench_that_loads_the_other_side_is_refused(failed: RunRecord) -> None
 
 
 def test_a_recipe_that_loads_the_other_side_is_refused(failed: RunRecord) -> None:
-    with pytest.raises(StationError, match="was loaded at its input"):
+    with pytest.raises(StationError, match="the input shaft was loaded"):
         reevaluate(failed, "rv-40e-121-output", None)
 
 

@@ -70,9 +70,7 @@ def test_records_out_of_order_are_not_called_missing(order: list[int]) -> None:
     rows = recorded()
     found = replay(b"".join(rows[number] for number in order), Sums())
     assert (found.identical, found.same) == (2, False)
-    assert found.damage == (
-        f"found record {order[2]} in the place of record 2: the order is wrong, the file was changed"
-    )
+    assert found.damage == (f"record {order[2]} is in the place of record 2, which comes later: the file was changed")
 
 
 @pytest.mark.parametrize("again", [0, 5, SCANS - 1])
@@ -80,7 +78,7 @@ def test_a_record_that_stands_there_twice_is_not_called_missing(again: int) -> N
     rows = recorded()
     found = replay(b"".join([*rows, rows[again]]), Sums())
     assert found.identical == SCANS
-    assert found.damage == (f"record {again} is there twice, in place of record {SCANS}: the file was changed")
+    assert found.damage == (f"record {again} is repeated in the place of record {SCANS}: the file was changed")
 
 
 @pytest.mark.parametrize("at", [0, 5, SCANS - 1])

@@ -117,7 +117,7 @@ def test_a_run_that_was_left_is_shown_as_what_it_is_with_its_samples_and_its_rin
     assert (shown["records"], shown["waiting"]) == (on_disk, WAITING)
     assert f"lostmotion conclude {waiting.id}" in shown["reasons"][0]
     listed = here("list", "--data", data)
-    assert "1 run is not concluded: 'lostmotion conclude --all'" in listed.out
+    assert "not evaluated yet: 1. 'lostmotion conclude --all'" in listed.out
     assert here("report", waiting.id, "--data", data).exit_code == 2
     assert everything(waiting.folder.parent) == before
     assert ring.exists()
@@ -188,7 +188,7 @@ def test_a_run_that_starts_concludes_those_of_its_own_bench_and_says_so(deserted
     data = str(deserted.folder.parent)
     recipe = str(deserted.folder / "recipe.yaml")
     ran = here("run", recipe, "--serial", "N", "--virtual-time", "--no-report", "--data", data)
-    assert f"concluded {deserted.id}, whose supervisor process ended: complete" in ran.err
+    assert f"run {deserted.id} was evaluated afterwards, because its supervisor process had ended: complete" in ran.err
     assert deserted.manifest().state == "complete"
 
 

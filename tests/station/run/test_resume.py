@@ -166,7 +166,7 @@ def test_a_result_that_nobody_reads_is_stored_and_reported_all_the_same(
 def test_nothing_is_recovered_after_virtual_time(run: RunRecord) -> None:
     ran = here("recover", "--data", str(run.folder.parent))
     assert ran.exit_code == 2
-    assert "were in virtual time: there is no bench to recover" in ran.err
+    assert "were in virtual time, so there is no bench to recover" in ran.err
 
 
 def test_a_recipe_that_cannot_be_read_any_more_costs_the_screen_and_not_the_records(

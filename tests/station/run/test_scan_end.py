@@ -40,6 +40,6 @@ def test_a_spec_that_was_changed_ends_the_run_before_anything_moves(tmp_path: Pa
     with _ring(tmp_path) as ring:
         file = Appender(tmp_path / "samples.bin")
         writer = RecordWriter(ring, file)
-        with pytest.raises(BenchFaultError, match=r"scan-spec\.json: was changed after it was checked"):
+        with pytest.raises(BenchFaultError, match=r"scan-spec\.json was changed after it was checked"):
             outcome_of(process, ring, record, writer, JumpWatch(), embedded=False, interrupted=False)
         file.close()

@@ -75,7 +75,7 @@ def test_a_process_takes_no_spec_but_the_one_that_was_written_for_it(module: str
     command = [sys.executable, "-m", module, file.sha256, str(file.path)]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 2
-    assert done.stderr.startswith(f"{file.path}: was changed after it was checked: found SHA-256 ")
+    assert done.stderr.startswith(f"file {file.path} was changed after it was checked: found SHA-256 ")
     assert done.stderr.count("\n") == 1
 
 

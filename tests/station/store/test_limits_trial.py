@@ -123,7 +123,7 @@ def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None
     with production(data) as look:
         lot = Lot(virtual=True)
         found = limits_trial(look, lot, Tried("torque_ratio_slope", limit_max=1.0, guard_factor=0.5))
-        with pytest.raises(StationError, match="no limit differs from the recipe"):
+        with pytest.raises(StationError, match="the limits to try are those of the recipe"):
             limits_trial(look, lot, Tried("torque_ratio_slope"))
         with pytest.raises(AnalysisError, match="min 2 is above max 1"):
             limits_trial(look, lot, Tried("torque_ratio_slope", limit_min=2.0, limit_max=1.0))

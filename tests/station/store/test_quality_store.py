@@ -73,7 +73,9 @@ def test_a_kind_of_unit_or_recipe_stands_alone(folder: Path) -> None:
         assert yield_of(look, Lot(virtual=True)).whole.verdicts.first == Verdicts(passed=1)
         assert yield_of(look, Lot(recipe="other")).whole.verdicts.first == Verdicts(passed=1)
         assert look.choices()[0] == ("inverse", "other")
-        with pytest.raises(StationError, match=r"no run of a virtual unit is in this lot. Of real units there are 1"):
+        with pytest.raises(
+            StationError, match=r"the chosen lot has no run of a virtual unit. Of real units there are 1"
+        ):
             yield_of(look, Lot(recipe="other", virtual=True))
         with pytest.raises(StationError, match="runs of the recipes inverse, other; only runs of one"):
             capability_of(look, Lot())
@@ -116,7 +118,9 @@ def test_a_trend_is_that_of_the_values_one_by_one(folder: Path) -> None:
         found = trend_of(look, LOT._replace(until="2026-01-14T00:00:00.000+00:00"), "lost_motion", "operator")
         with pytest.raises(StationError, match="lost_motion has"):
             trend_of(look, LOT, "lost_motion", "bench", side="both")
-        with pytest.raises(StationError, match="found 'stiffness'; the newest run of this lot has lost_motion"):
+        with pytest.raises(
+            StationError, match="found 'stiffness'; the newest run of this lot has the metrics lost_motion"
+        ):
             trend_of(look, LOT, "stiffness", "bench")
     assert [(one.name, one.number) for one in found.compared.groups] == [("A", 12), ("B", 12)]
     assert [one.mean for one in found.compared.groups] == pytest.approx([np.mean(VALUES[::2]), np.mean(VALUES[1::2])])
@@ -140,7 +144,7 @@ def test_type_one_takes_the_runs_of_one_part_on_one_bench(tmp_path: Path) -> Non
         assert found.study.capable
         with pytest.raises(StationError, match="has one limit"):
             type_one_of(look, Part("MASTER", "lost_motion"), 0.502, None, 0.2)
-        with pytest.raises(StationError, match="no valid run of a real unit NOBODY"):
+        with pytest.raises(StationError, match="no valid run of the real unit NOBODY"):
             type_one_of(look, Part("NOBODY", "lost_motion"), 0.502, None, 0.2)
 
 

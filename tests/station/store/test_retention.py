@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+import sqlite3
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
@@ -18,12 +19,17 @@ from station.errors import StationError
 from station.records.backup import back_up, backed_up, restore
 from station.records.certificate_code import GENUINE, check_code, code_of
 from station.records.chain.chain_file import CHAIN
+from station.records.chain.walk import Trust
 from station.records.data_folder import Store
 from station.records.traces import FOLDER
 from station.records.verify import verify_folder
+from station.store.places import FILE as STORE_FILE
+from station.store.plant.removals import removals, removals_now
 from station.store.retention import apply, load_rules, plan
 from station.store.run_search import MISSING, search
 from station.store.stored_runs import Wanted
+from station.store.table_counts import all_rows
+from station.store.view import look_at
 from station.web.people import audit
 from station.web.people.database import StationDatabase
 
@@ -63,12 +69,12 @@ def test_the_first_rule_that_fits_counts_and_what_the_next_start_is_judged_by_st
     found = planned(data)
     assert found == {
         ("GOOD-1", "good"): "",
-        ("GOOD-2", "good"): "is the newest run of its bench or of its serial number",
+        ("GOOD-2", "good"): "this is the newest run of its bench or of its serial number",
         ("GOOD-1", "injected"): "",
     }, "the bad unit has days left, and what was not concluded is of no rule's verdict"
     bad = next(run for run in Store(data).runs() if run.serial() == "GOOD-1")
     (bad.folder / "result.json").write_text("{}", encoding="utf-8")
-    assert planned(data)["GOOD-1", "good"].startswith("has changed")
+    assert planned(data)["GOOD-1", "good"].startswith("the run has changed")
 
 
 def test_nothing_goes_that_is_not_in_the_backup_as_it_is(data: Path) -> None:
@@ -106,6 +112,29 @@ def test_what_was_removed_is_named_and_a_restore_brings_it_all_back(data: Path, 
     restore(file, data)
     assert {run.id: run.manifest().verdict for run in Store(data).runs()} == verdicts
     assert check_code(data, code).standing == GENUINE
+
+
+def test_a_store_of_an_older_version_learns_of_the_runs_that_were_removed_before(data: Path, tmp_path: Path) -> None:
+    for run in Store(data).runs():
+        if run.serial() == "OPEN":
+            run.update(state="interrupted")
+    back_up(data, tmp_path / "b.tar")
+    done = apply(data, plan(data, load_rules(data), LATER), backed_up(tmp_path / "b.tar"), "A. Tester")
+    removed = {one.run: one.rule for one in done.removed}
+    with look_at(data) as view, view.database.reading() as connection:
+        assert removals(connection, view.chain, view.trust) == removed
+        assert {run: line.fields["rule"] for run, line in view.chain.removed().items()} == removed
+        assert removals(connection, view.chain, Trust(frozenset({"a key that nobody trusts"}))) == {}
+        assert not {problem.run for problem in view.problems} & removed.keys()
+        assert not set(view.missing) & removed.keys()
+        rows = all_rows(view.database, view.chain)
+    with sqlite3.connect(data / STORE_FILE) as old:
+        old.execute("DROP TABLE removals")
+        old.execute("UPDATE alembic_version SET version_num = '0006'")
+    with look_at(data) as view:
+        assert all_rows(view.database, view.chain) == rows
+        assert not set(view.missing) & removed.keys()
+        assert removals_now(connection, view.chain, view.trust, [*removed], 1) == removed
 
 
 def test_a_removal_that_was_cut_short_is_no_problem_and_is_finished_by_the_next(data: Path, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import signal
@@ -19,6 +20,7 @@ from stored_runs import metric, store_lot, store_run
 
 import station.store.migrations.versions
 from analysis.trace.errors import AnalysisError
+from station.atomic_file import seen_text
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values
 from station.cli.runs.list_runs import NEWEST, list_rows
@@ -28,12 +30,14 @@ from station.quality.figures import capability_of, causes_of, trend_of, yield_of
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
+from station.records.seal import sealed_names
 from station.run.run_list import row
 from station.store import tables
 from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
 from station.store.outbox import catch_up, rebuild
 from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
 from station.store.plant.months import is_partition
+from station.store.projection import seen_files
 from station.store.quality.counts import GROUPINGS, Verdicts
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips
@@ -76,7 +80,7 @@ def test_every_table_has_what_the_folders_say(lot: Path) -> None:
     assert found == {
         "alarms": 0, "archived": 0, "attempts": 12, "benches": 2, "calibrations": 1, "cause_hours": 1,
         "checks": 0, "metric_hours": 12,
-        "metrics": 20, "projections": 1, "recipes": 2, "run_hours": 9, "runs": 11, "units": 11,
+        "metrics": 20, "projections": 1, "recipes": 2, "removals": 0, "run_hours": 9, "runs": 11, "units": 11,
     }  # fmt: skip
 
 
@@ -154,6 +158,26 @@ def test_the_list_and_the_statistics_name_what_was_done(lot: Path, deed: str) ->
     found = stored_values(lot, ASK)
     assert len(found.values) == (7 if deed == "copy" else 6)
     assert {"altered", "damaged", "whose folder is missing"} & set(found.left_out)
+
+
+def test_a_missing_run_is_told_by_what_a_person_looks_for_it_by(lot: Path) -> None:
+    gone = Store(lot).runs()[0]
+    serial, verdict = gone.manifest().serial, gone.manifest().verdict
+    shutil.rmtree(gone.folder)
+    with look_at(lot) as view:
+        (text,) = (problem.text for problem in view.problems if problem.kind == "missing")
+    assert text == f"{gone.id}: attempt 1 of {serial}, {verdict}; its folder is missing"
+
+
+def test_what_is_seen_of_a_run_is_of_every_sealed_file_that_is_there(lot: Path) -> None:
+    profiles = Store(lot).runs()[0].folder / "profiles"
+    profiles.mkdir(exist_ok=True)
+    (profiles / "drive.yaml").write_text("drive: 1\n")
+    for run in Store(lot).runs():
+        there = sealed_names(run)
+        lines = "\n".join(f"{name}={seen_text((run.folder / name).stat())}" for name in there)
+        assert seen_files(run) == hashlib.sha256(lines.encode()).hexdigest()[:32]
+    assert "profiles/drive.yaml" in sealed_names(Store(lot).runs()[0])
 
 
 def test_runs_that_changed_places_are_named(lot: Path) -> None:
@@ -380,7 +404,7 @@ def test_no_sqlite_file_lies_on_a_network_mount(tmp_path: Path, monkeypatch: pyt
     assert "network mount (nfs4)" in place.note
     assert not place.url.startswith(f"sqlite:///{tmp_path}")
     monkeypatch.setenv(STORE_URL, f"sqlite:///{tmp_path}/x.sqlite3")
-    with pytest.raises(StationError, match="network mount"):
+    with pytest.raises(StationError, match="network drive"):
         store_place(tmp_path)
 
 

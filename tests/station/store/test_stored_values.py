@@ -44,7 +44,9 @@ def test_each_unit_counts_once_when_asked_for(runs: Path) -> None:
 
 def test_runs_that_mean_something_else_are_refused(runs: Path) -> None:
     store_run(runs, "U9", [metric(0.4, band=0.04)])
-    with pytest.raises(StationError, match=r"mean different things by lost_motion: band is 0.03 and 0.04"):
+    with pytest.raises(
+        StationError, match=r"define lost_motion differently: option band is 0.03 in one and 0.04 in the other"
+    ):
         stored_values(runs, ASK)
 
 
@@ -66,7 +68,7 @@ def test_runs_with_the_torque_of_different_sensors_are_pooled_only_when_the_reci
 @pytest.mark.parametrize(
     ("ask", "said"),
     [
-        (Ask("unknown"), "no run has a value of unknown"),
+        (Ask("unknown"), "no run has a usable value of unknown"),
         (Ask("lost_motion", side="both"), r"without side both of lost_motion \(there is \+"),
         (Ask("lost_motion", attempts="best"), "--attempts: found 'best'"),
     ],
@@ -92,8 +94,12 @@ def test_a_metric_is_named_with_its_choices(tmp_path: Path) -> None:
     assert first("lost_motion") == 0.40
     assert first("lost_motion three_region") == 0.50
     assert first("lost_motion centred three_region") == first("lost_motion centred") == 0.60
-    with pytest.raises(StationError, match="no run has a value of lost_motion direct: 3 without lost_motion direct"):
+    with pytest.raises(
+        StationError, match="no run has a usable value of lost_motion direct; found 3 without lost_motion direct"
+    ):
         first("lost_motion direct")
     store_run(tmp_path, "C9", [metric(1.0, branch="load"), metric(2.0, branch="mean")], day=9)
-    with pytest.raises(StationError, match=r"is there 2 times in run .*C9: lost_motion \(load\), lost_motion \(mean\)"):
+    with pytest.raises(
+        StationError, match=r"run .*C9 has 2 values of lost_motion: lost_motion \(load\), lost_motion \(mean\)"
+    ):
         first("lost_motion")

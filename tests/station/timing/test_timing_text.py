@@ -35,7 +35,7 @@ def test_missed_periods_name_their_share_and_cause() -> None:
 def test_too_much_work_and_late_waking_are_said() -> None:
     told = " ".join(explain(report(0, work_us=700.0, late_us=400.0)))
     assert "longer period" in told
-    assert "sometimes too long for this period" in told
+    assert "too late for this period" in told
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_too_much_work_and_late_waking_are_said() -> None:
 )
 def test_gaps_that_keep_a_rhythm_are_the_hosts(scans: tuple[int, ...], *, told: bool) -> None:
     found = made_reports.report(missed=3, gaps=[gap(n, 1, "waking") for n in scans])
-    assert ("repeat every 100 ms" in " ".join(explain(found))) == told
+    assert ("interrupted every 100 ms" in " ".join(explain(found))) == told
 
 
 def test_histogram_rows_hold_every_scan() -> None:

@@ -325,8 +325,8 @@ def test_one_pass_by_the_command_without_a_server(station: Station, share: Path,
         ("folder: /share\nper: day\n", "per"),
         ("folder: /share\nper: lot\nlot_units: 0\n", "lot_units"),
         ("folder: /share\nper: unit\nvirtul: true\n", "virtul"),
-        ("folder: /share\nper: unit\nmount_point: /other\n", "is not below it"),
-        ("folder: DATA/files\nper: unit\n", "among the records"),
+        ("folder: /share\nper: unit\nmount_point: /other\n", "is not inside it"),
+        ("folder: DATA/files\nper: unit\n", "in the data folder"),
     ],
 )
 def test_settings_that_are_refused_name_the_place(tmp_path: Path, text: str, said: str) -> None:

@@ -10,13 +10,14 @@ import pytest
 from patient import VIRTUAL_BENCH, write_changed
 from station_support import GOLDEN
 
+from benchmarks.many_runs import make_runs
 from definitions.faults import FAULTS, Beyond, bit_of
 from definitions.first_image import first_image
 from definitions.image import AGE_NEVER, IMAGE_FIELDS, ORDERS_FIELDS, Image, Link, Orders, State
 from definitions.program import Program
 from station.bench.request import load_job
 from station.records.samples.scan_record import pack
-from station.web.bench.changes import RunFacts, changes_between
+from station.web.bench.changes import RunFacts, changes_between, since_it_worked
 from station.web.bench.due import due_on
 from station.web.bench.sight import DEVICES, Sight, device_of, sight_of
 from station.web.bench.way_back import DONE, IN_HAND, IN_THE_WAY, TO_COME, Fault, Standing, steps
@@ -149,6 +150,20 @@ def test_what_has_changed_stands_first_and_alone(changes: dict, what: str) -> No
     assert [row.what for row in found if row.changed] == [what]
     assert found[0].what == what
     assert "4 since" in next(row.now for row in found if row.what == "runs on this bench")
+
+
+def test_runs_on_a_bench_are_counted_as_its_folders_are(tmp_path: Path) -> None:
+    """Of runs of which fifteen begin in an hour; the 39th fails."""
+    make_runs(tmp_path, 39)
+    runs = sorted(path.name for path in tmp_path.glob("*-U*"))
+    found = since_it_worked(tmp_path)
+    assert (found.good, found.newest) == (runs[37], runs[38])
+    shown = next(row for row in found.changes if row.what == "runs on this bench")
+    assert (shown.before, shown.now) == ("38", "39, 1 since")
+    make_runs(tmp_path, 1, first=39)
+    found = since_it_worked(tmp_path)
+    shown = next(row for row in found.changes if row.what == "runs on this bench")
+    assert (found.good, shown.before, shown.now) == (runs[37], "38", "40, 2 since")
 
 
 def test_a_calibration_is_due_on_its_day_and_a_bench_that_cannot_be_read_is_said(tmp_path: Path) -> None:

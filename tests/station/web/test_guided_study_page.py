@@ -44,7 +44,7 @@ def test_two_people_measure_a_gage_study_and_its_page_leads_them(station: Served
     page.get_by_role("tab", name="Guided studies").click()
     page.wait_for_selector("text=No study was begun.")
     page.get_by_label("Kind").click()
-    page.get_by_role("option", name="Gage: units by operators").click()
+    page.get_by_role("option", name="Gage: several units, each by several operators").click()
     page.get_by_label("Name", exact=True).fill("grr-1")
     page.get_by_label("Serial numbers").fill("SN-1")
     page.get_by_label("Operators by").fill("the operator, the technician")
@@ -61,14 +61,14 @@ def test_two_people_measure_a_gage_study_and_its_page_leads_them(station: Served
     _, first = found.next
     page.get_by_label("Scanned label").fill("SN-2" if first.part == "SN-1" else "SN-1")
     page.get_by_role("button", name="Measure").click()
-    page.wait_for_selector("[role=alert] >> text=is next. Put that one on the bench")
+    page.wait_for_selector("[role=alert] >> text=is next. Put that unit on the bench")
     page.get_by_role("button", name="Evaluate").click()
     page.wait_for_selector("[role=alert] >> text=0 of 8 steps are measured. Missing:")
 
     role, other = PEOPLE if first.operator == "the operator" else PEOPLE[::-1]
     refused = start(station, other, first.part, "grr-1")
     assert set(refused) == {"study_step"}
-    assert f"found operator the {other}; the {role} measures this step" in refused["study_step"]
+    assert f"found operator the {other}; this step is for operator the {role}" in refused["study_step"]
     for _ in range(MOST_RUNS):
         if (now := look(station.data, "grr-1").next) is None:
             break

@@ -34,7 +34,7 @@ from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 from station.web.scanner import GS, ScanError, serial_of
 
-STUDY_STEP = "study g, step 1 of 8: found unit SN-1; unit SN-2 is next. Put that one on the bench."
+STUDY_STEP = "study g, step 1 of 8: found unit SN-1; unit SN-2 is next. Put that unit on the bench."
 FAILED_BEFORE = PreviousStep("failed", away=False, silent_s=1.0, may_be_unverified=True)
 
 
@@ -128,7 +128,7 @@ def test_a_study_that_is_not_there_measures_nothing(good: Situation) -> None:
     models = load_models(good.data, None)
     ((name, why),) = refusals(situation_of(good.data, models, wanted, busy=False, confirmed=frozenset()))
     assert name == "study_step"
-    assert "there is no such study; found are none" in why
+    assert "there is no such study. Studies here: none" in why
 
 
 def test_a_retest_needs_a_reason_and_has_an_end(good: Situation) -> None:

@@ -36,7 +36,7 @@ def test_a_recipe_says_what_is_done_and_at_the_terminal_how_a_bad_unit_is_put_aw
     models = load_models(tmp_path / "runs", None)
     now = situation_of(tmp_path / "runs", models, Wanted("SN-1"), busy=False, confirmed=frozenset())
     assert [_to_do(now, one) for one in ("PASS", "NOT DECIDABLE")] == [SAID, DO["NOT DECIDABLE"]]
-    assert _to_do(now, "FAIL") == f"{SAID} Then scan its code, or type NOK."
+    assert _to_do(now, "FAIL") == f"{SAID} Then scan the code on the NOK box, or type NOK."
     assert _to_do(dataclasses.replace(now, job=None), "FAIL") == DO["FAIL"]
 
 

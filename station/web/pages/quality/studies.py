@@ -30,7 +30,7 @@ from station.web.station import Station
 
 LOOK_EVERY_S = 2.0
 MOST_ROWS = 8
-KINDS = {TYPE_ONE: "Type 1: one unit of known value", "gage": "Gage: units by operators"}
+KINDS = {TYPE_ONE: "Type 1: one unit of known value", "gage": "Gage: several units, each by several operators"}
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def _words(figure: Figure) -> str:
     tolerance = "" if share is None else f", {share:.3g} % of the tolerance"
     return (
         f"{figure.metric} side {figure.side}: gage {figure.anova.grr_pct.value:.3g} % of the total spread{tolerance}; "
-        f"{figure.anova.ndc} groups of parts told apart"
+        f"the bench tells {figure.anova.ndc} groups of parts apart"
     )
 
 
@@ -126,7 +126,9 @@ class GuidedStudies:
             self._metrics = ui.input("Metrics by id, with commas").props("outlined dense")
             self._references = ui.input("Known values, one for each metric (type 1)").props("outlined dense")
             self._tolerances = ui.input("Tolerances (empty: as in the recipe)").props("outlined dense")
-            self._trials = ui.number("Trials (empty: 50 or 3)", min=1, format="%d").props("outlined dense")
+            self._trials = ui.number("Trials (empty: 50 for type 1, 3 for gage)", min=1, format="%d").props(
+                "outlined dense"
+            )
             self._button("begin_study", "Begin", self._begin)
             self._begun = ui.label().classes("lm-words").props('role="alert"')
 

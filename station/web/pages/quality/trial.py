@@ -43,8 +43,8 @@ class TrialCard:
                 ui.button("Try", on_click=self._try).props("outline no-caps")
                 self._save = ui.button("Save as draft", on_click=self._save_draft).props("outline no-caps")
             ui.label(
-                f"Empty keeps what is, {NONE!r} takes a limit away, a guard band of 0 is the simple rule. No stored "
-                "verdict changes."
+                f"An empty field keeps the present limit, {NONE!r} removes it. A guard band of 0 ignores the "
+                "uncertainty. No stored verdict changes."
             ).classes("lm-words")
             self._said = ui.html("", sanitize=False).classes("lm-words").props('role="status" aria-live="polite"')
             with ui.element("div").classes("lm-side-by-side"):

@@ -29,7 +29,7 @@ def test_a_run_is_an_attempt_although_it_was_deleted(data: Path) -> None:
     assert again.manifest().attempt == 3
     missing = [problem.text for problem in verify_folder(data).problems if problem.kind == "missing"]
     assert len(missing) == 2
-    assert "attempt 1 of A, FAIL" in missing[0]
+    assert "attempt 1 of unit A, FAIL" in missing[0]
 
 
 def test_what_was_cut_off_stays_named_when_the_next_run_follows(data: Path) -> None:

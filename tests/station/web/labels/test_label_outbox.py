@@ -185,9 +185,9 @@ def test_a_virtual_unit_gets_a_label_where_that_is_asked_for_alone(plant: Statio
 def test_a_chain_that_is_no_chain_stops_the_line_and_not_the_thread(plant: Station, printer: ZplPrinter) -> None:
     with (plant.data / CHAIN).open("ab") as chain:
         chain.write(b"{half\n")
-    with plant.database.reading() as connection, pytest.raises(StationError, match="whole line"):
+    with plant.database.reading() as connection, pytest.raises(StationError, match="a line after byte"):
         outbox.why_not_next(connection, plant.data, plant.labels)
-    with pytest.raises(StationError, match="whole line"):
+    with pytest.raises(StationError, match="a line after byte"):
         thread_of(plant).look()
     assert printer.printed == []
 

@@ -64,7 +64,7 @@ def test_every_field_has_a_value(plain_source: Source) -> None:
         ("~JA^XA^CI28^FH^FD{serial}^FS^XZ", "~"),
         ("^XA^CI28^FH^FD{serial}^FS", "^XZ"),
         ("^XA^CI28^FH^FD{serial}^FS^XZ^XA^XZ", "once"),
-        ("^XA^CI28^FH^FD{serial}^FS^XZ rest", "behind"),
+        ("^XA^CI28^FH^FD{serial}^FS^XZ rest", "after ^XZ"),
         ("^XA^CI28^FH^fd{serial}^FS^XZ", "capitals"),
         ("", "^XA"),
     ],

@@ -106,7 +106,7 @@ def _instead(run: FaultRun, when: When) -> str:
         return f"; the run ended {at(run, last)}"
     stays = [visit for visit in visits(run) if visit.state == when.state]
     longest = f"{when.state} lasted {max(visit.scans for visit in stays)} scans at most; " if stays else ""
-    return f"; {longest}states were {states_given(run)}"
+    return f"; {longest}the states of the run were {states_given(run)}"
 
 
 def _not_ordered(run: FaultRun, scenario: Scenario) -> list[Breach]:
@@ -234,7 +234,7 @@ def _torque_below(run: FaultRun, expect: Expect) -> str:
 
 
 def _final_state(run: FaultRun, expect: Expect) -> str:
-    return "" if run.states[-1] == expect.final_state else f"was {run.states[-1]}; states were {states_given(run)}"
+    return "" if run.states[-1] == expect.final_state else f"was {run.states[-1]}; the states of the run were {states_given(run)}"
 
 
 def _latched(run: FaultRun, expect: Expect) -> str:
@@ -243,11 +243,11 @@ def _latched(run: FaultRun, expect: Expect) -> str:
         for before, after in zip(run.orders, run.orders[1:], strict=False)
     )
     latched = run.states[-1] == "fault" and not left
-    return "" if latched == expect.latched else f"states were {states_given(run)}"
+    return "" if latched == expect.latched else f"the states of the run were {states_given(run)}"
 
 
 def _never_state(run: FaultRun, never: Never) -> str:
-    return f"states were {states_given(run)}" if never.state in run.states else ""
+    return f"the states of the run were {states_given(run)}" if never.state in run.states else ""
 
 
 def _never_event(run: FaultRun, never: Never) -> str:

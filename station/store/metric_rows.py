@@ -21,7 +21,7 @@ from station.store.view import View
 
 
 class RunThatDoesNotCount(NamedTuple):
-    """What there is against a run, or that it is of a master part; the names are those of the columns."""
+    """What there is against a run, or that it is of a master part or a study; the names are those of the columns."""
 
     run: str
     recipe: str
@@ -67,12 +67,14 @@ class MetricRow(NamedTuple):
 OF_THE_RUN = MetricRow._fields[: MetricRow._fields.index("position")]
 
 
-def metric_rows(view: View, metric: str, recipe: str | None, serial: str | None) -> Iterator[list[MetricRow]]:
-    """Yield the rows of every run that counts and is asked for, oldest first."""
+def metric_rows(
+    view: View, metric: str, recipe: str | None, serial: str | None, *, studies: bool
+) -> Iterator[list[MetricRow]]:
+    """Yield the rows of every run that counts and is asked for, oldest first. studies: those of guided studies too."""
     together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run) & (METRICS.c.metric == metric)
     columns = [(RUNS if name in OF_THE_RUN else METRICS).c[name] for name in MetricRow._fields]
     asked = select(*columns).select_from(RUNS).outerjoin(METRICS, together & METRICS.c.main)
-    asked = _meant(asked, view, recipe, serial).where(_counts(view, serial))
+    asked = _meant(asked, view, recipe, serial).where(_counts(view, serial, studies=studies))
     # By the run alone, in which the rows lie already; those of one run are put in order here.
     with view.database.reading() as connection:
         rows = connection.execute(asked.order_by(RUNS.c.run)).all()
@@ -81,10 +83,12 @@ def metric_rows(view: View, metric: str, recipe: str | None, serial: str | None)
         yield of_run if len(of_run) == 1 else sorted(of_run, key=_position)
 
 
-def runs_that_do_not_count(view: View, recipe: str | None, serial: str | None) -> list[RunThatDoesNotCount]:
+def runs_that_do_not_count(
+    view: View, recipe: str | None, serial: str | None, *, studies: bool
+) -> list[RunThatDoesNotCount]:
     """Return the concluded runs that are asked for and do not count, oldest first."""
     asked = _meant(select(*(RUNS.c[name] for name in RunThatDoesNotCount._fields)), view, recipe, serial)
-    asked = asked.where(~_counts(view, serial)).order_by(RUNS.c.run)
+    asked = asked.where(~_counts(view, serial, studies=studies)).order_by(RUNS.c.run)
     with view.database.reading() as connection:
         return [RunThatDoesNotCount._make(row) for row in connection.execute(asked).tuples()]
 
@@ -96,7 +100,11 @@ def _meant(asked: Select[Any], view: View, recipe: str | None, serial: str | Non
     return asked if serial is None else asked.where(RUNS.c.serial == serial)
 
 
-def _counts(view: View, serial: str | None) -> ColumnElement[bool]:
+OF_A_STUDY = ~RUNS.c.in_production & (RUNS.c.altered == "") & (RUNS.c.master == "") & RUNS.c.scenario.is_(None)
+"""That a run is of a guided study: nothing else takes it out of production."""
+
+
+def _counts(view: View, serial: str | None, *, studies: bool) -> ColumnElement[bool]:
     """Return the condition that a run counts, as far as the store knows it; a master part does where it is named."""
     unsigned = [""] if is_trusted(None, view.chain, view.trust) else []
     found = and_(
@@ -106,6 +114,8 @@ def _counts(view: View, serial: str | None) -> ColumnElement[bool]:
         RUNS.c.objection == "",
         func.coalesce(RUNS.c.key, "").in_([*view.trust.keys, *unsigned]),
     )
+    if not studies:  # some units measured again and again: no sample of what is produced
+        found = and_(found, ~OF_A_STUDY)
     return found if serial is not None else and_(found, RUNS.c.master == "")
 
 

@@ -31,6 +31,7 @@ class Ask:
     """Which values are meant: metric, and what tells it from others of its id; None takes what there is.
 
     metric: an id, followed by what was chosen otherwise than its definition does: `spring_constant three_region`.
+    studies: whether the runs of guided studies count; they do in a gage study.
     """
 
     metric: str
@@ -39,6 +40,7 @@ class Ask:
     recipe: str | None = None
     serial: str | None = None
     attempts: str = "all"
+    studies: bool = False
 
 
 def asked_of(
@@ -133,7 +135,9 @@ def why_left_out(view: View, run: RunThatDoesNotCount) -> str:
         return MISSING
     if run.altered or not is_trusted(run.key, view.chain, view.trust):
         return "altered"
-    return "whose measurement was invalid" if run.objection else "of a master part"
+    if run.objection:
+        return "whose measurement was invalid"
+    return "of a master part" if run.master else "of a guided study"
 
 
 def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:

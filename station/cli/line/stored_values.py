@@ -181,7 +181,7 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[Metr
     left_out: Counter[str] = Counter()
     metrics: list[MetricRow] = []
     missing = set(view.missing)
-    for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial):
+    for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial, studies=ask.studies or only is not None):
         run = rows[0].run
         if only is not None and run not in only:
             continue
@@ -190,7 +190,7 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[Metr
             left_out[found] += 1
         else:
             metrics.append(found)
-    for one in runs_that_do_not_count(view, ask.recipe, ask.serial):
+    for one in runs_that_do_not_count(view, ask.recipe, ask.serial, studies=ask.studies or only is not None):
         if only is None or one.run in only:
             left_out[why_left_out(view, one)] += 1
     for run in view.open:

@@ -281,6 +281,20 @@ def test_runs_of_a_study_are_no_production(data: Path) -> None:
     assert (said["whole"]["first_pass"]["number"], said["whole"]["first_pass"]["of"]) == (1, 1)
 
 
+def test_the_capability_of_the_production_is_not_that_of_the_units_of_a_study(data: Path) -> None:
+    study = begin_study(data, "g", plan(GAGE, ("A", "B"), ("Anna", "Ben"), 2), "Q")
+    for value in (0.4, 0.5, 0.6):
+        store_run(data, f"U{value}", [metric(value)])
+    for step in (1, 2, 3):
+        measured(data, study, step, 0.9)
+    for command in ("capability", "units"):
+        said = here(command, "--metric", "lost_motion", "--data", str(data), "--json")
+        assert said.exit_code in (0, 1), said.err
+        assert (len(said.json["runs"]), said.json["left_out"]) == (3, {"of a guided study": 3})
+    gage = here("gage", "--metric", "lost_motion", "--data", str(data), "--by", "run")
+    assert "of a guided study" not in gage.out + gage.err
+
+
 def test_a_real_bench_wants_the_label_of_every_unit(data: Path) -> None:
     begin_study(data, "g", plan(GAGE, ("A", "B"), ("Anna", "Ben"), 2), "Q")
     for words in ((), ("--serial", "A", "--all")):

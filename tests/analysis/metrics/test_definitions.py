@@ -258,7 +258,7 @@ def test_what_was_chosen_is_part_of_the_result() -> None:
     assert [metric["estimator"] for metric in found] == [
         "interpolation",
         "interpolation",
-        "chord, centred, three-region fit with breaks at 82.4 and 329.6 N·m",
-        "chord, ending, six-segment fit with breaks at 90 N·m",
+        "chord, centred, three-region fit with segments that meet at 82.4 and 329.6 N·m",
+        "chord, ending, six-segment fit with segments that meet at 90 N·m",
         "branches as measured",
     ]

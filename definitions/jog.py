@@ -58,7 +58,7 @@ PROTECTIONS: tuple[Protection, ...] = (
     Protection("three-position enabling device (IEC 60204-1), an input of the remote I/O",
                "Looked at in every scan. Seen open before each movement; pressed for too long: enabling_device_stuck",
                "A bench whose profile of the remote I/O has no `enabling_device` has no jog"),
-    Protection("token of a held key, given anew every 50 ms, older than 100 ms a stop",
+    Protection("token of a held key, sent again every 50 ms; a token older than 100 ms is a stop",
                "Its age is counted in scans, missed ones included; recorded with every scan",
                "A page that hangs, a closed browser or a broken network would leave the shaft turning"),
     Protection("a stop on a ramp, then the drive off",

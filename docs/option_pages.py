@@ -9,22 +9,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from docs.markdown import NOTE, table
-from recipes.schema.bench_schema import (
-    AngleSensor,
-    BenchHeader,
-    BrakeDevice,
-    CanBus,
-    Drive,
-    DriveBrake,
-    JogSection,
-    MasterPart,
-    MeasuringDevice,
-    ModbusDevice,
-    PaceOfBench,
-    Sensors,
-    TorqueControl,
-    TorqueSensor,
-)
+from recipes.schema.bench_schema import BenchHeader, JogSection, MasterPart, PaceOfBench, TorqueControl
 from recipes.schema.calibration_schema import (
     CalibratedUnit,
     Calibration,
@@ -35,6 +20,8 @@ from recipes.schema.calibration_schema import (
     UnitLine,
 )
 from recipes.schema.channel_schema import CanSensor, Channels, ChannelSource
+from recipes.schema.device_schema import BrakeDevice, DriveBrake, MeasuringDevice, ModbusDevice
+from recipes.schema.drive_schema import CanBus, Drive
 from recipes.schema.interlock_schema import Interlocks
 from recipes.schema.metric_schema import MetricWanted
 from recipes.schema.recipe_schema import (
@@ -47,6 +34,7 @@ from recipes.schema.recipe_schema import (
     Validity,
     WhatToDo,
 )
+from recipes.schema.sensor_schema import AngleSensor, Sensors, TorqueSensor
 from recipes.schema.sequence_schema import (
     Calibrate,
     FatigueCycles,

@@ -234,11 +234,8 @@ def _torque_below(run: FaultRun, expect: Expect) -> str:
 
 
 def _final_state(run: FaultRun, expect: Expect) -> str:
-    return (
-        ""
-        if run.states[-1] == expect.final_state
-        else f"was {run.states[-1]}; the states of the run were {states_given(run)}"
-    )
+    last = run.states[-1]
+    return "" if last == expect.final_state else f"was {last}; the states of the run were {states_given(run)}"
 
 
 def _latched(run: FaultRun, expect: Expect) -> str:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple
 
 from definitions.image import AGE_NEVER, REMOTE_IO_FIELDS, Image, Link, Orders
 from virtual_bench.config import BenchConfig
+from virtual_bench.device_values import remote_io_shows
 from virtual_bench.faults.injector import FaultInjector
 from virtual_bench.physics.plant import SAMPLE_US, Plant, Sample
 
@@ -20,22 +21,6 @@ LINKS: dict[str, int] = {
 }
 CURRENT_STEP_A = 1e-3
 TEMPERATURE_STEP_C = 0.1
-
-
-def remote_io_shows(plant: Plant, faults: FaultInjector) -> dict[str, float]:
-    """Return what contacts and sensors at the remote I/O show, by the names of the image.
-
-    A sensor that the physics does not know lies in the room: it shows the room's temperature, or a closed contact.
-    """
-    wires = faults.wires
-    in_the_room = {field.name: plant.ambient_temp_c if field.unit == "°C" else 1 for field in REMOTE_IO_FIELDS}
-    return in_the_room | {
-        "estop_released": wires.estop_released,
-        "guard_closed": wires.guard_closed,
-        "enabling_device": wires.enabling_device,
-        "housing_temp_c": plant.housing_temp_c + wires.housing_offset_k,
-    }
-
 
 DEVICES = frozenset(f"modbus.{device}" for device in LINKS)
 """Targets of faults that keep a device from answering, or its answers from being believed."""

@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 from definitions.units import PERIOD
 from recipes.checks.expectations import Finding
-from recipes.schema.bench_schema import Bench, ModbusDevice
+from recipes.schema.bench_schema import Bench
+from recipes.schema.device_schema import ModbusDevice
 from recipes.schema.recipe_schema import Recipe
 from recipes.text.quantity import show
 

@@ -14,8 +14,9 @@ from recipes.checks.expectations import (
     output_torque_nm,
     windup_rad,
 )
-from recipes.schema.bench_schema import Bench, TorqueSensor
+from recipes.schema.bench_schema import Bench
 from recipes.schema.recipe_schema import Recipe
+from recipes.schema.sensor_schema import TorqueSensor
 from recipes.schema.sequence_schema import Home, Lock, Release, SpeedCycles, StepCycles
 from recipes.text.quantity import show
 

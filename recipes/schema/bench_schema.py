@@ -1,4 +1,4 @@
-"""Sections of a bench file: the hardware of one test bench, its wires, ratings, sensors and calibrations."""
+"""A bench file: its sections, what must fit between them, and what follows from them for a scan."""
 
 from __future__ import annotations
 
@@ -7,44 +7,27 @@ from typing import Annotated, Literal
 from pydantic import Field, model_validator
 
 from definitions.method import Loading
-from definitions.units import DURATION, PERIOD, RAD_PER_ARCSEC, SPEED, TORQUE
+from definitions.units import DURATION, SPEED, TORQUE
 from recipes.schema.calibration_schema import Calibration, Fixture
 from recipes.schema.channel_schema import CHANNELS, CanSensor, Channels
+from recipes.schema.device_schema import BrakeDevice, DriveBrake, MeasuringDevice, ModbusDevice
+from recipes.schema.drive_schema import CanBus, Drive
+from recipes.schema.sensor_schema import Sensors
 from recipes.text.problems import one_of
 from recipes.text.quantity import show
 from recipes.text.section import (
-    Age,
-    AngleError,
-    AngleNoise,
-    BitCount,
-    Current,
     Host,
     Interval,
-    Lag,
     Name,
     Port,
     PublicKey,
     Quantity,
     Revision,
     Section,
-    SensorError,
-    SensorNoise,
-    SmallAngle,
     Speed,
-    Stiffness,
     Torque,
-    TorqueConstant,
-    TorqueSlope,
-    UsableRange,
-    Word,
     refusal,
 )
-
-NodeId = Annotated[int, Field(ge=1, le=127)]
-OptionCode = Annotated[int, Field(ge=-32768, le=32767)]
-Bitrate = Literal[10000, 20000, 50000, 100000, 125000, 250000, 500000, 800000, 1000000]
-Baudrate = Literal[1200, 2400, 4800, 9600, 19200, 38400, 57600, 115200, 230400, 460800, 921600]
-
 
 PARTS = ("amplifier", "brake", "remote_io")
 MOST_MEASURING = 6
@@ -69,190 +52,6 @@ class BenchHeader(Section):
     """Models that fit this bench; empty when any does."""
     public_key: PublicKey | None = None
     """Key by which the computer of this bench signs its runs."""
-
-
-class CanBus(Section):
-    """CAN bus of the drive: socketcand by host, port and channel, slcan by the serial port in `channel`."""
-
-    interface: Literal["socketcand", "socketcan", "slcan", "virtual"]
-    channel: Word
-    host: Host = "127.0.0.1"
-    port: Port = 29536
-    bitrate: Bitrate = 1000000
-
-
-class Drive(Section):
-    """Servo drive: identity on the bus, ratings of its motor, and the protections written into it before arming.
-
-    angle_agreement: how far the drive's position and the angle sensor of the loaded shaft may move apart before the run
-    is stopped, play of gearbox and couplings included. coupling_stiffness: of what is between motor and that sensor, at
-    the loaded shaft; its twist is allowed on top.
-    """
-
-    node_id: NodeId
-    controller_node_id: NodeId
-    profile: Name
-    gear_ratio: Annotated[float, Field(gt=0, le=10000)]
-    rated_torque_nm: Torque
-    max_torque_nm: Torque
-    max_speed_rad_s: Speed
-    torque_slope_nm_s: TorqueSlope
-    controller_heartbeat_s: Age
-    controller_heartbeat_timeout_s: Age
-    drive_heartbeat_s: Age
-    setpoint_timeout_s: Age
-    abort_connection_option: OptionCode
-    quick_stop_option: OptionCode
-    fault_reaction_option: OptionCode
-    reversed: bool = False
-    """The motor's positive direction turns the loaded shaft backwards."""
-    angle_agreement_rad: SmallAngle = 360 * RAD_PER_ARCSEC
-    coupling_stiffness_nm_per_arcmin: Stiffness | None = None
-
-    @model_validator(mode="after")
-    def _consistent(self) -> Drive:
-        if self.node_id == self.controller_node_id:
-            hint = "Give the controller a number that no device on the bus has, such as 126."
-            raise refusal(
-                f"{self.node_id} for the drive and the controller",
-                "two different node numbers",
-                hint,
-                at="controller_node_id",
-            )
-        if self.controller_heartbeat_timeout_s < 2 * self.controller_heartbeat_s:
-            found = show(self.controller_heartbeat_timeout_s, PERIOD)
-            allowed = f"at least twice controller_heartbeat, {show(2 * self.controller_heartbeat_s, PERIOD)}"
-            raise refusal(found, allowed, "One late heartbeat would stop the drive.", at="controller_heartbeat_timeout")
-        return self
-
-
-class ModbusDevice(Section):
-    """Device on Modbus TCP or RTU, and how often it is asked."""
-
-    transport: Literal["tcp", "rtu"]
-    host: Host = ""
-    port: Port = 502
-    serial_port: Word = ""
-    baudrate: Baudrate = 115200
-    parity: Literal["none", "even", "odd"] = "none"
-    stopbits: Literal[1, 2] = 1
-    unit_id: Annotated[int, Field(ge=0, le=247)]
-    profile: Name
-    poll_every_s: Age
-    timeout_s: Age
-
-    @property
-    def line(self) -> str:
-        """The connection; devices with the same line are asked one after the other."""
-        return self.serial_port if self.transport == "rtu" else f"{self.host}:{self.port}"
-
-    @model_validator(mode="after")
-    def _addressed(self) -> ModbusDevice:
-        if self.transport == "tcp" and not self.host:
-            raise refusal("tcp and no host", "tcp with the option 'host'", "Add 'host: 192.168.0.10'.")
-        if self.transport == "rtu" and not self.serial_port:
-            hint = "Add 'serial_port: /dev/ttyUSB0'."
-            raise refusal("rtu and no serial port", "rtu with the option 'serial_port'", hint)
-        return self
-
-
-class MeasuringDevice(ModbusDevice):
-    """A device on Modbus that `channels` name; `name` is what they call it."""
-
-    name: Name
-
-
-class PowderBrake(Section):
-    """The powder brake that locks a shaft; its torque is `torque_constant` times the current.
-
-    max_current: of a supply that takes no current set-point, the current that it gives when it is on.
-    """
-
-    torque_constant_nm_per_a: TorqueConstant
-    max_current_a: Current
-    time_constant_s: Lag
-
-    @property
-    def max_torque_nm(self) -> float:
-        """Torque that the brake holds at its largest current [N·m]."""
-        return self.torque_constant_nm_per_a * self.max_current_a
-
-
-class BrakeDevice(PowderBrake, ModbusDevice):
-    """Supply on Modbus of the powder brake that locks a shaft; its torque is `torque_constant` times the current.
-
-    max_current: of a supply that takes no current set-point, the current that it gives when it is on.
-    """
-
-
-class DriveBrake(PowderBrake):
-    """Brake at a digital output of the servo drive, in place of the section `brake`: on where the output is set.
-
-    output_bit: bit of 0x60FE:1, which the drive's profile maps as digital_outputs. input_bit: bit of 0x60FD,
-    digital_inputs, that says that the brake is on; left out where no contact does. max_current: what its supply gives.
-    """
-
-    output_bit: Annotated[int, Field(ge=0, le=31)]
-    input_bit: Annotated[int, Field(ge=0, le=31)] | None = None
-
-    @property
-    def poll_every_s(self) -> float:
-        """It comes with the drive's process data, in every scan."""
-        return 0.0
-
-
-class TorqueSensor(Section):
-    """Torque sensor; noise (one standard deviation), usable range, zero and reversibility are fractions of full scale.
-
-    accuracy: gain error, of the reading. reversibility: half the difference between falling and rising. stated_by: who
-    states these two: data_sheet, as limits; or certificate, of a calibration of this sensor with its amplifier, as
-    expanded uncertainties with k = 2. tared_zero: limit of what the tare leaves of the zero, with the friction that
-    stands on the sensor then. at_rest: limit of the torque that friction keeps on the sensor when the lock is open and
-    the drive off: by so much more may the zero read after a run differ from the one before it.
-    """
-
-    full_scale_nm: Torque
-    usable_fraction: UsableRange = 1.0
-    accuracy_fraction: SensorError
-    noise_fraction: SensorNoise
-    lag_s: Lag
-    tared_zero_fraction: SensorError = 0.0002
-    at_rest_fraction: SensorError = 0.002
-    reversibility_fraction: SensorError = 0.0002
-    stated_by: Literal["data_sheet", "certificate"] = "data_sheet"
-
-    @property
-    def usable_nm(self) -> float:
-        """Largest torque that is measured; the amplifier saturates above it [N·m]."""
-        return self.full_scale_nm * self.usable_fraction
-
-
-class AngleSensor(Section):
-    """Encoder of a shaft. accuracy: limit of its error over a turn; interpolation: limit of its error within a line."""
-
-    resolution_bits: BitCount
-    noise_rad: AngleNoise
-    lag_s: Lag
-    accuracy_rad: AngleError = 10 * RAD_PER_ARCSEC
-    interpolation_rad: AngleError = 0.5 * RAD_PER_ARCSEC
-
-
-class Sensors(Section):
-    """Sensors of the bench; what it does not have is left out.
-
-    skew: limit of the difference between the delays of torque and angle, where nothing aligns them.
-    """
-
-    torque_in: TorqueSensor | None = None
-    torque_out: TorqueSensor | None = None
-    angle_in: AngleSensor
-    angle_out: AngleSensor | None = None
-    skew_s: Lag = 0.0002
-
-
-def _line_text(setting: tuple[int, str, int]) -> str:
-    baudrate, parity, stopbits = setting
-    return f"{baudrate} baud, parity {parity}, {stopbits} stop bit{'s' if stopbits > 1 else ''}"
 
 
 class MasterPart(Section):
@@ -492,3 +291,8 @@ class Bench(Section):
     def max_loading_speed_rad_s(self) -> float:
         """Largest speed of the loaded shaft [rad/s]."""
         return self.drive.max_speed_rad_s / self.drive.gear_ratio
+
+
+def _line_text(setting: tuple[int, str, int]) -> str:
+    baudrate, parity, stopbits = setting
+    return f"{baudrate} baud, parity {parity}, {stopbits} stop bit{'s' if stopbits > 1 else ''}"

@@ -37,7 +37,7 @@ class ChannelSource(Section):
     @model_validator(mode="after")
     def _proof_fits(self) -> ChannelSource:
         if self.scale == 0.0:
-            raise refusal("0", "any other number; a negative one reverses the sign", at="scale")
+            raise refusal("scale: 0", "any other number; a negative scale reverses the sign of the channel", at="scale")
         named = self.alive_field is not None
         if self.alive in ("counter", "time_stamp") and not named:
             hint = "Add, for example, 'alive_field: sample_counter', with the name of this field in the device profile."

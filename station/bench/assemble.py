@@ -11,7 +11,7 @@ from definitions.profiles.modbus import ModbusProfile
 from drivers.config import CanConfig, DriveBrakeConfig, DriveConfig, ModbusConfig, WireBenchConfig
 from drivers.pace import PaceConfig
 from recipes import Bench, parse_document
-from recipes.schema.bench_schema import ModbusDevice
+from recipes.schema.device_schema import ModbusDevice
 from station.bench.bench_spec import Ports
 from station.bench.files import File
 from station.bench.measuring import blocks, can_sensors, channels, sources

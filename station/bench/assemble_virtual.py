@@ -8,9 +8,9 @@ from pathlib import Path
 from pydantic import BaseModel, ConfigDict
 
 from recipes import Bench, Recipe, RecipeError, load_document, parse_document
-from recipes.schema.bench_schema import AngleSensor as AngleSensorFile
-from recipes.schema.bench_schema import ModbusDevice
-from recipes.schema.bench_schema import TorqueSensor as TorqueSensorFile
+from recipes.schema.device_schema import ModbusDevice
+from recipes.schema.sensor_schema import AngleSensor as AngleSensorFile
+from recipes.schema.sensor_schema import TorqueSensor as TorqueSensorFile
 from recipes.text.yaml_source import read_source
 from station.bench.assemble import drive_brake_config, drive_config, drive_profile, modbus_profile
 from station.bench.files import File, FileAt

@@ -9,8 +9,8 @@ from analysis.torque_ratio.quadrants import QUADRANTS
 from analysis.uncertainty.figures import AngleFigures, LineCovariance, SensorFigures, TorqueFigures, UnitDeviation
 from definitions.units import ARCMIN_PER_RAD
 from recipes import Bench, Calibration
-from recipes.schema.bench_schema import AngleSensor, TorqueSensor
 from recipes.schema.calibration_schema import QuadrantLine
+from recipes.schema.sensor_schema import AngleSensor, TorqueSensor
 
 U_SLOPE_FRACTION = 0.005
 U_OFFSET_NM = 0.5

@@ -14,7 +14,7 @@ import uvloop
 
 from drivers.errors import DriverError
 from recipes import Bench, RecipeError, load_bench
-from recipes.schema.bench_schema import ModbusDevice
+from recipes.schema.device_schema import ModbusDevice
 from station.bench.assemble import can_config, modbus_profile
 from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.bench_lock import alone_on

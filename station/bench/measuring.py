@@ -11,7 +11,7 @@ from drivers.config import CanSensorConfig, ChannelConfig, ModbusConfig, NamedDe
 from drivers.errors import Problem
 from drivers.modbus.part_fields import source_problems
 from recipes import Bench
-from recipes.schema.bench_schema import DriveBrake
+from recipes.schema.device_schema import DriveBrake
 from station.bench.can_profile import can_sensor
 from station.bench.files import File
 

@@ -22,7 +22,7 @@ from definitions.profiles.modbus import COIL_TABLES, ModbusProfile, ReadField
 from drivers.modbus.device import COUNTERS
 from drivers.modbus.registers import reader_of
 from recipes import Bench
-from recipes.schema.bench_schema import TorqueSensor
+from recipes.schema.sensor_schema import TorqueSensor
 from station.commissioning import can_looks
 from station.commissioning.can_looks import CanLooks
 from station.commissioning.on_wires import ByHand, OnWires, pause

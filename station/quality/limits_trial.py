@@ -18,7 +18,9 @@ from recipes import Recipe, parse_recipe
 from recipes.editing import changed
 from recipes.text.yaml_source import read_bytes
 from station.errors import StationError
-from station.records.recipe_revisions import History, Revision, save_draft
+from station.records.revisions.history import History
+from station.records.revisions.revision import Revision
+from station.records.revisions.writing import save_draft
 from station.records.run_record import RunRecord
 from station.store.quality.lot import Lot, Production
 from station.store.quality.trial import Flip, Rule, TriedSide, flipped, flips, tried_sides

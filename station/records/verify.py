@@ -13,7 +13,7 @@ from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
 from station.records.data_folder import Store
 from station.records.folder_check import about_run, folder_problems, runs_before
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
 from station.records.traces import trace_problems

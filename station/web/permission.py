@@ -19,7 +19,8 @@ from station.errors import StationError
 from station.quality.guided.progress import look, place_of
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
-from station.records.recipe_revisions import History, Revision, RevisionError
+from station.records.revisions.history import History
+from station.records.revisions.revision import Revision, RevisionError
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
 from station.run.disk_space import refuse_full_disk
 from station.run.jog.jogs import jog_is_on

@@ -10,13 +10,18 @@ from pymodbus.constants import ExcCodes
 from pymodbus.server import ModbusSerialServer, ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
 
+from definitions.image import REMOTE_IO_FIELDS
+
 AMPLIFIER, BRAKE, REMOTE_IO = 1, 2, 3
 WRITE_REGISTERS = 16
 
 
 REMOTE_IO_READ = modbus_profile(raw_profile("virtual-remote-io")).read
-REMOTE_IO_SHOWS = {"estop_released": 1, "guard_closed": 1, "housing_temp_c": 25.3, "ambient_temp_c": -5.0}
-"""What contacts and sensors at the remote I/O show; one that is not named shows 0."""
+REMOTE_IO_SHOWS = {
+    field.name: round(25.3 - 7.3 * place, 1) if field.unit == "°C" else int(field.name != "enabling_device")
+    for place, field in enumerate(REMOTE_IO_FIELDS)
+}
+"""What contacts and sensors at the remote I/O show: a temperature of its own for each sensor, some below zero."""
 
 (LIFE_COUNTER,) = (field for field in REMOTE_IO_READ.fields if field.name == "life_counter")
 

@@ -18,7 +18,7 @@ CASES = {
     "noise without a time": ("alive: time_stamp", "alive: noise", "alive: noise with still"),
     "a time without noise": ("input_stamp}", "input_stamp, still: 5 ms}", "with alive: noise only"),
     "a proof that is not asked for": ("alive: time_stamp", "alive: arrival", "alive: arrival with alive_field"),
-    "nothing of the sensor": ("scale: -1, offset: 0.001", "scale: 0", "any other number; a negative one reverses"),
+    "nothing of the sensor": ("scale: -1, offset: 0.001", "scale: 0", "any other number; a negative scale reverses"),
     "a sensor without source": ("  angle_out: {device", "  # {device", "angle_out in sensors alone"),
     "two of one name": ("name: angles,", "name: torques,", "a name that no other device has"),
     "a name of the bench": ("name: angles,", "name: brake,", "a name that no other device has"),

@@ -2,13 +2,17 @@
 
 import re
 from collections import Counter
+from pathlib import Path
 
 import pytest
 from texts import DRAWN, ROOT, Seen, drawn, texts
 
 from definitions.checks import CHECKS
+from definitions.device_proofs import DEVICE_PROOFS
 from definitions.faults import FAULTS
+from definitions.jog import PROTECTIONS as JOG_PROTECTIONS
 from definitions.metrics import METRICS
+from definitions.protections import DRIVE_PROTECTIONS
 
 
 @pytest.fixture(scope="module")
@@ -31,6 +35,22 @@ def test_every_row_of_the_vocabulary_is_among_the_texts(found):
     assert {check.action for check in CHECKS.values() if len(check.action.split()) > 2} <= said
     literal = {row.text for row in METRICS.values() if not re.fullmatch(r"k\d", row.id)}
     assert literal <= said
+    assert {row.leaves_open.text for row in CHECKS.values() if row.leaves_open} <= said
+    assert {text for row in DEVICE_PROOFS for text in row[1:] if len(text.split()) > 2} <= said
+    protections = [text for row in (*DRIVE_PROTECTIONS, *JOG_PROTECTIONS) for text in row[1:] if isinstance(text, str)]
+    assert {text for text in protections if len(text.split()) > 2} <= said
+
+
+def test_what_a_check_says_of_its_failure_is_among_the_texts(found):
+    """Most of it is named before it is returned, in parts: a module that measures says something."""
+    measuring = [
+        path for path in (ROOT / "analysis/validity").glob("*.py") if "return Reading(" in path.read_text("utf-8")
+    ]
+    silent = {path.name for path in measuring} - {
+        Path(one.place.split(":")[0]).name for one in found if one.kind == "line"
+    }
+    assert silent == set()
+    assert len([one for one in found if one.place.startswith("analysis/validity/")]) > 3 * len(measuring)
 
 
 @pytest.fixture(scope="module")

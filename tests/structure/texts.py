@@ -22,7 +22,7 @@ LEFT_OPEN = "…"
 LEAST_WORDS = {"error": 2, "help": 1, "table": 3, "line": 4}
 """Shorter texts of tables and lines are names, units and keys."""
 
-TABLES = {"Fault", "Check", "Metric", "Bad", "Grade", "Fit"}
+TABLES = {"Fault", "Check", "LeavesOpen", "Metric", "Bad", "Grade", "Fit", "DeviceProof", "Protection"}
 """Rows of the vocabulary: every argument with words is read by people."""
 
 SCREEN = {"print", "append", "add_row", "Text", "assemble", "paragraph", "section", "heading", "say", "echo", "note"}
@@ -40,6 +40,9 @@ WHERE_LINES = (
     "station/cli/", "station/reports/", "station/run/", "station/results/", "station/web/", "station/commissioning/",
     "faultlab/",
 )  # fmt: skip
+
+WHERE_ALL_IS_SAID = "analysis/validity/"
+"""A check says what failed in words of its own, built of parts over several lines: each sentence there is one."""
 
 
 class Seen(NamedTuple):
@@ -145,6 +148,8 @@ def _in_file(module: _Module, refusals: dict[str, list[str]]) -> Iterator[tuple[
             yield from _of_call(module.name, node)
         elif isinstance(node, ast.Return | ast.Yield) and node.value is not None:
             yield from _said("line", node.value, [node.value])
+    if module.name.startswith(WHERE_ALL_IS_SAID):
+        yield from _sentences(module.tree)
     for node in module.tree.body:
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value is not None:
             rows = node.value.values if isinstance(node.value, ast.Dict) else [node.value]
@@ -188,6 +193,17 @@ def _of_call(name: str, call: ast.Call) -> Iterator[tuple[str, int, str]]:
         yield from _said("table", call, [*call.args, *(one.value for one in call.keywords)])
     elif name.startswith(WHERE_LINES) and called in LINES:
         yield from _said("line", call, [*call.args, *(one.value for one in call.keywords)])
+
+
+def _sentences(node: ast.AST) -> Iterator[tuple[str, int, str]]:
+    """Yield every sentence below a node, as a whole; docstrings are for readers of the code, errors are told apart."""
+    for child in ast.iter_child_nodes(node):
+        if isinstance(child, ast.Raise) or (isinstance(child, ast.Expr) and isinstance(child.value, ast.Constant)):
+            continue
+        if isinstance(child, ast.expr) and _words(child):
+            yield from _said("line", child, [child])
+        else:
+            yield from _sentences(child)
 
 
 def _is_command(decorator: ast.expr) -> bool:

@@ -8,7 +8,7 @@ from drivers.pace import Kind, ToBench
 from virtual_bench import bench_time
 from virtual_bench.config import ServerConfig
 from virtual_bench.devices.modbus_servers import ModbusServer
-from virtual_bench.server import VirtualBench
+from virtual_bench.wired_bench import VirtualBench
 
 MS = 1_000_000
 

@@ -170,8 +170,8 @@ def lines(report: TimingReport) -> list[str]:
     for gap in report.gaps[:GAPS_SHOWN]:
         before = gap.before
         out.append(
-            f"  {gap.missed} missed before scan {gap.scan}: scan {before.scan} was {before.lateness_us:.0f} µs late, "
-            f"its work took {_parts(before)} ({CAUSES[before.cause]})"
+            f"  {gap.missed} scan periods missed before scan {gap.scan}: scan {before.scan} was "
+            f"{before.lateness_us:.0f} µs late, its work took {_parts(before)} ({CAUSES[before.cause]})"
         )
     if report.gaps_in_all > GAPS_SHOWN:
         out.append(f"  and {report.gaps_in_all - GAPS_SHOWN} more gaps between scans (--json lists up to 256)")

@@ -205,8 +205,8 @@ def decision(
             help="Gamma distribution of the process: shape and scale, instead of mean and standard deviation.",
         ),
     ] = None,
-    low: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit.")] = None,
-    high: Annotated[float | None, typer.Option("--max", metavar="X", help="Upper limit.")] = None,
+    low: Annotated[float | None, typer.Option("--min", metavar="X", help="Lower limit, in the metric's unit.")] = None,
+    high: Annotated[float | None, typer.Option("--max", metavar="X", help="Upper limit, in the metric's unit.")] = None,
     guard: Annotated[
         float | None,
         typer.Option(

@@ -38,7 +38,7 @@ ENDINGS = {0: "PASS", 1: "FAIL", 3: "NOT DECIDABLE"}
 DO = {
     "PASS": "Scan the next unit.",
     "FAIL": f"Put the unit into the NOK box (bad units). Then scan the code on the box, or type {NOK}.",
-    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and give the reason.",
+    "NOT DECIDABLE": "The unit was not measured. Call the technician, or scan it again and say why.",
 }
 ELSE = "Call the technician to the bench."
 READ_BYTES = 4096

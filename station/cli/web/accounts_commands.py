@@ -23,7 +23,7 @@ from station.errors import StationError
 if TYPE_CHECKING:
     from pydantic import JsonValue
 
-    from station.records.recipe_revisions import Revision
+    from station.records.revisions.revision import Revision
 
 recipes_app = typer.Typer(help="Recipes with their revisions: drafts, and their release by a second person.",
                           no_args_is_help=True)  # fmt: skip
@@ -38,7 +38,7 @@ RevisionArgument = Annotated[int, typer.Argument(metavar="REVISION", min=1, help
 @recipes_app.command("list")
 def recipes_list(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
     """List every revision of every recipe with its state."""
-    from station.records.recipe_revisions import History
+    from station.records.revisions.history import History
 
     history = History(data)
     rows = [(one.name, one.revision, one.state.value, one.released_by or "") for one in history.all()]
@@ -65,7 +65,7 @@ def recipes_show(
     data: DataOption = DEFAULT_DATA,
 ) -> None:
     """Print the text of a recipe as it was saved, to be copied and changed."""
-    from station.records.recipe_revisions import History
+    from station.records.revisions.history import History
 
     history = History(data)
     found = history.newest_released(name) if revision is None else history.find(name, revision)
@@ -180,7 +180,7 @@ def _no_recipe(name: str, revision: int | None, there: list[Revision]) -> str:
 
 def _as_read(data: Path, name: str, revision: int) -> dict[str, JsonValue]:
     """Return a revision as an action asks for it: with the hash of the text as it is now."""
-    from station.records.recipe_revisions import History
+    from station.records.revisions.history import History
 
     found = History(data).find(name, revision)
     if found is None:

@@ -17,6 +17,24 @@ from station.own_place import own_place
 
 SERVER, KIOSK, OPCUA = "lostmotion.service", "lostmotion-kiosk.service", "lostmotion-opcua.service"
 
+HARDENING = """\
+NoNewPrivileges=yes
+ProtectSystem=strict
+PrivateTmp=yes
+ProtectKernelTunables=yes
+ProtectKernelModules=yes
+ProtectKernelLogs=yes
+ProtectControlGroups=yes
+ProtectHostname=yes
+ProtectClock=yes
+RestrictSUIDSGID=yes
+RestrictNamespaces=yes
+LockPersonality=yes
+SystemCallArchitectures=native
+CapabilityBoundingSet=
+UMask=0027"""
+"""What neither server has a use for; each unit adds what it alone has no use for."""
+
 SERVER_UNIT = """\
 [Unit]
 Description=lostmotion station
@@ -38,27 +56,13 @@ LimitRTPRIO=95
 LimitMEMLOCK=infinity
 LimitNICE=-20
 # What the station has no use for. Memory that is written and run stays allowed: the virtual bench compiles its physics.
-NoNewPrivileges=yes
-ProtectSystem=strict
+{hardening}
 ReadWritePaths={data} {state}
-PrivateTmp=yes
-ProtectKernelTunables=yes
-ProtectKernelModules=yes
-ProtectKernelLogs=yes
-ProtectControlGroups=yes
-ProtectHostname=yes
-ProtectClock=yes
-RestrictSUIDSGID=yes
-RestrictNamespaces=yes
-LockPersonality=yes
-SystemCallArchitectures=native
 RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6 AF_CAN AF_NETLINK
-CapabilityBoundingSet=
 DevicePolicy=closed
 DeviceAllow=char-ttyUSB rw
 DeviceAllow=char-ttyACM rw
 DeviceAllow=char-ttyS rw
-UMask=0027
 
 [Install]
 WantedBy=multi-user.target
@@ -101,25 +105,11 @@ RestartSec=5
 TimeoutStopSec=15
 # It only reads what runs leave: a run has the processor first.
 Nice=5
-NoNewPrivileges=yes
-ProtectSystem=strict
+{hardening}
 ReadWritePaths={data}
-PrivateTmp=yes
 PrivateDevices=yes
-ProtectKernelTunables=yes
-ProtectKernelModules=yes
-ProtectKernelLogs=yes
-ProtectControlGroups=yes
-ProtectHostname=yes
-ProtectClock=yes
-RestrictSUIDSGID=yes
-RestrictNamespaces=yes
 RestrictRealtime=yes
-LockPersonality=yes
-SystemCallArchitectures=native
 RestrictAddressFamilies=AF_UNIX AF_INET AF_INET6
-CapabilityBoundingSet=
-UMask=0027
 
 [Install]
 WantedBy=multi-user.target
@@ -156,11 +146,12 @@ def install_opcua_unit(folder: Path, data: Path) -> int:
 
 
 def _named(data: Path) -> dict[str, str]:
-    """Return what each unit names: user, data folder and place of the bench's own files, which are made."""
+    """Return what units have: hardening, user, data folder and place of the bench's own files; both are made."""
     data, state = data.resolve(), own_place().resolve()
     data.mkdir(parents=True, exist_ok=True)
     state.mkdir(mode=0o700, parents=True, exist_ok=True)
-    return {"user": getpass.getuser(), "data": _plain(str(data)), "state": _plain(str(state))}
+    names = {"user": getpass.getuser(), "data": _plain(str(data)), "state": _plain(str(state))}
+    return names | {"hardening": HARDENING}
 
 
 def _command(*words: str) -> str:

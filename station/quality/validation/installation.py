@@ -10,7 +10,8 @@ from station.bench.request import Source, find_profile
 from station.counted import counted
 from station.documents.validation import INSTALLATION, MET, OPEN, Evidence, judged
 from station.records.chain.keys import own_public_key
-from station.records.recipe_revisions import History, State
+from station.records.revisions.history import History
+from station.records.revisions.revision import State
 from station.records.verify import verify_folder
 from station.scan.machine import look
 from station.version import software

@@ -7,7 +7,7 @@
 | `sealed` | a run was concluded: SHA-256 of its run.json, state and verdict |
 | `lost` | entries that this computer had seen are gone: their counters are never used again |
 
-Entries of the same form tell what became of the revisions of recipes, in a file of their own (`recipe_revisions`):
+Entries of the same form tell what became of the revisions of recipes, in a file of their own (`revisions.history`):
 
 | kind | says |
 |---|---|

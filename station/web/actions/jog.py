@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from station.bench.request import load_job
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.run.jog.jogs import jog_job, why_no_jog
 from station.web.actions.row import Call, NotNowError
 from station.web.actions.values import DevicePressed, JogBegun, KeyHeld, KeyReleased, NewJog, Nothing, Outcome

@@ -12,7 +12,7 @@ from sqlalchemy import Connection, delete, insert, select
 
 from station.documents.entries import Plain
 from station.errors import StationError
-from station.records.recipe_revisions import RevisionError
+from station.records.revisions.revision import RevisionError
 from station.records.studies import StudyError
 from station.wall_clock import WALL_CLOCK
 from station.web.actions.row import (

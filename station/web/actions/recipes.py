@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from recipes import RecipeError
-from station.records import recipe_revisions
-from station.records.recipe_revisions import History, Revision
+from station.records.revisions import writing
+from station.records.revisions.history import History
+from station.records.revisions.revision import Revision
 from station.web.actions.row import Call
 from station.web.actions.values import DryRunStarted, RecipeChanged, RecipeRevision, RecipeText, RecipeTried
 from station.web.recipe_text.check import BadRecipeError, bench_of, encoded, refuse_unfit
@@ -14,7 +15,7 @@ from station.web.station import Station
 def save_recipe(call: Call, given: RecipeText) -> RecipeChanged:
     """Save the draft of a revision; BadRecipeError: the text is no recipe."""
     try:
-        found = recipe_revisions.save_draft(call.station.data, encoded(given.text), call.person.name, given.replaces)
+        found = writing.save_draft(call.station.data, encoded(given.text), call.person.name, given.replaces)
     except RecipeError as error:
         raise BadRecipeError(str(error.problems[0])) from error
     return _changed(found)
@@ -23,17 +24,13 @@ def save_recipe(call: Call, given: RecipeText) -> RecipeChanged:
 def ask_release(call: Call, given: RecipeRevision) -> RecipeChanged:
     """Ask for the release of a draft; BadRecipeError: it cannot be run here."""
     _refuse_unfit(call.station, given)
-    return _changed(
-        recipe_revisions.ask_release(call.station.data, given.name, given.revision, given.sha256, call.person.name)
-    )
+    return _changed(writing.ask_release(call.station.data, given.name, given.revision, given.sha256, call.person.name))
 
 
 def release_recipe(call: Call, given: RecipeRevision) -> RecipeChanged:
     """Release what another person has written; BadRecipeError: it cannot be run here."""
     _refuse_unfit(call.station, given)
-    return _changed(
-        recipe_revisions.release(call.station.data, given.name, given.revision, given.sha256, call.person.name)
-    )
+    return _changed(writing.release(call.station.data, given.name, given.revision, given.sha256, call.person.name))
 
 
 def try_recipe(call: Call, given: RecipeTried) -> DryRunStarted:

@@ -12,7 +12,7 @@ from sqlalchemy import select
 
 from recipes import RecipeError
 from station.documents.entries import Plain
-from station.records.recipe_revisions import History, header_of
+from station.records.revisions.history import History, header_of
 from station.records.studies import read_study, study_names
 from station.web.actions.row import Call
 from station.web.actions.values import (

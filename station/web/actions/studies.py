@@ -6,7 +6,7 @@ from recipes import RecipeError
 from station.errors import StationError
 from station.quality.guided.plan import Asked, begin
 from station.quality.guided.progress import Standing, settle
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.web.actions.row import Call, NotNowError
 from station.web.actions.values import NamedStudy, NewStudy, StudyTold
 from station.web.permission import recipe_file

@@ -14,7 +14,7 @@ from station.documents.manifest import MASTER
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.web.models import Models
 from station.web.permission import recipe_file
 

@@ -10,7 +10,7 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.records.certificate_code import code_of
 from station.records.chain.entries import Fields
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.records.run_record import RunRecord
 from station.records.seal import CONCLUDED
 from station.reports.headline import manifest_badges

@@ -246,7 +246,9 @@ def set_aside(connection: Connection, run: str, name: str, why: str) -> None:
     values = {"done_at": now_text(), "done_by": name, "why": why, "label": ""}
     asked = (LABELS.c.run == run) & LABELS.c.done_at.is_(None)
     if not connection.execute(update(LABELS).where(asked).values(**values)).rowcount:
-        raise LabelError(f"Run {run[:80]!r} has no label that waits to be scanned.")
+        raise LabelError(
+            f"Run {run[:80]!r} has no label that waits to be scanned: it was scanned or set aside. Scan the next unit."
+        )
 
 
 class Printing:

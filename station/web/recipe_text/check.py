@@ -9,7 +9,7 @@ from recipes import Problem, RecipeError
 from recipes.text.yaml_source import LARGEST_FILE
 from station.bench.request import Job, Source, load_job
 from station.errors import StationError
-from station.records.recipe_revisions import header_of
+from station.records.revisions.history import header_of
 from station.web.models import Models
 
 SHOWN_AS = "recipe.yaml"

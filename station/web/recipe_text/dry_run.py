@@ -19,7 +19,7 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.own_place import PLACE
 from station.records.data_folder import Store
-from station.records.recipe_revisions import hash_of
+from station.records.revisions.revision import hash_of
 from station.records.run_record import RESULT
 
 LONGEST_S = 600.0

@@ -13,7 +13,8 @@ from pydantic import BaseModel, ConfigDict
 from recipes.text.section import Name
 from station.documents.entries import plain
 from station.errors import StationError
-from station.records.recipe_revisions import History, State
+from station.records.revisions.history import History
+from station.records.revisions.revision import State
 from station.web.actions.row import NOT_NOW
 from station.web.recipe_text.check import look_at
 from station.web.rest.answers import CookieToken, Refuse, answers, refused_with

@@ -190,7 +190,7 @@ def test_tight_unit_fails_on_the_offset() -> None:
     wanted = [MetricWanted("torque_ratio_offset", min=-25.0)]
     result = analyse(tight, dataclasses.replace(METHOD, output_torque="reaction"), wanted)
     assert result.verdict == "FAIL"
-    assert "tight" in result.reasons[0]
+    assert "more friction than allowed" in result.reasons[0]
 
 
 def test_one_quadrant_missing_is_named() -> None:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from controller.controller import Controller
-from definitions.image import Command, Image, Orders
+from definitions.image import REMOTE_IO_FIELDS, Command, Image, Orders
 from definitions.program import Program
 from recipes.compiler.jog import PERIOD_NS, compile_jog, jog_bench, jog_speed_rad_s
 from station.bench.request import Job, load_job
@@ -29,8 +29,7 @@ RESOLUTION = {
     "angle_in_rad": 2.0**-18,
     "angle_out_rad": 2.0**-21,
     "brake_current_a": 2.0**-10,
-    "housing_temp_c": 2.0**-4,
-    "ambient_temp_c": 2.0**-4,
+    **{field.name: 2.0**-4 for field in REMOTE_IO_FIELDS if field.unit == "°C"},
 }
 """Steps to which the sensors are rounded before the controller sees them: noise is most of a file otherwise."""
 

@@ -6,7 +6,7 @@ from dataclasses import replace as with_change
 from functools import cache
 
 import pytest
-from golden_file import read_golden
+from golden_file import MAKE_ANEW, read_golden
 from golden_runs import FOLDER, GOLDEN_RUNS, Golden, job, program_of
 
 import controller.interlocks
@@ -38,7 +38,7 @@ def content(name: str) -> bytes:
 def test_controller_decides_as_it_did(golden: Golden):
     found = replay(content(golden.name), Controller(program_of(golden, job())))
     shown = "" if found.difference is None else "\n".join(found.difference.lines(4_000_000))
-    assert found.same, f"{golden.name}: {found.damage}{shown}\nif this is meant: make golden"
+    assert found.same, f"{golden.name}: {found.damage}{shown}\n{MAKE_ANEW}"
 
 
 @pytest.mark.parametrize("golden", GOLDEN_RUNS, ids=lambda golden: golden.name)

@@ -100,19 +100,6 @@ SEEN_OTHERWISE: dict[tuple[str, State], str] = {
 }
 """Rows that another one stands in for: their absence changes nothing that a rule could see."""
 
-NOT_ASKED_FOR: dict[tuple[str, State], str] = {
-    ("drive_mode_refused", State.HOME): "no mode is expected before HOME ends; its steps wait for the modes they need",
-    **{
-        (fault, State.RELEASE): "the torque is low, and RELEASE itself switches the drive off"
-        for fault in ("drive_dropped_out", "drive_mode_refused", "drive_internal_limit")
-    },
-    **{
-        (fault, State.FAULT): "its reaction is the weakest of a fault: in force already; it stands against a reset"
-        for fault in ("brake_current_lost", "housing_temperature")
-    },
-}
-"""Where a row is live and no rule wants it, so that there is no mutant of it."""
-
 
 def asked_for(fault: str, state: State) -> bool:
     """Whether the rules want a condition to be seen in a state."""
@@ -120,6 +107,23 @@ def asked_for(fault: str, state: State) -> bool:
         return state in AGREEMENT_STATES
     asking = [c for name, c in CONDITIONS.items() if name.split(" ")[0] == fault]
     return any(state in (*c.states, *c.established_in) for c in asking)
+
+
+NOT_ASKED_FOR: dict[tuple[str, State], str] = {
+    ("drive_mode_refused", State.HOME): "no mode is expected before HOME ends; its steps wait for the modes they need",
+    **{
+        (fault, State.RELEASE): "the torque is low, and RELEASE itself switches the drive off"
+        for fault in ("drive_dropped_out", "drive_mode_refused", "drive_internal_limit")
+    },
+    **{
+        (row.fault, State.FAULT): "its reaction is the weakest of a fault: in force already; it stands against a reset"
+        for row in INTERLOCKS
+        if State.FAULT in row.live_in
+        and FAULT_BY_ID[row.fault].reaction == Reaction.UNLOAD
+        and not asked_for(row.fault, State.FAULT)
+    },
+}
+"""Where a row is live and no rule wants it, so that there is no mutant of it."""
 
 
 def live_states() -> list[Mutant]:

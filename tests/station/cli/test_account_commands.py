@@ -11,7 +11,7 @@ from lostmotion_command import Ran, here
 from station_support import GOLDEN, PASSWORD, open_database, write_models
 
 from recipes import find_recipe
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.web.people import audit
 from station.web.people.accounts import enter
 from station.web.people.badges import enter_by_badge

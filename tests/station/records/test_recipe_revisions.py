@@ -14,18 +14,9 @@ from recipes import RecipeError, shipped_recipes
 from station.errors import RecordError
 from station.own_place import PLACE
 from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED
-from station.records.recipe_revisions import (
-    HISTORY,
-    Event,
-    History,
-    Revision,
-    RevisionError,
-    State,
-    after,
-    ask_release,
-    release,
-    save_draft,
-)
+from station.records.revisions.history import HISTORY, History
+from station.records.revisions.revision import Event, Revision, RevisionError, State, after
+from station.records.revisions.writing import ask_release, release, save_draft
 
 NAME = "rv-40e-121-quick"
 PEOPLE = ("Ada", "Bea", "Cy")

@@ -207,7 +207,7 @@ def test_a_record_copied_elsewhere_stands_alone_but_says_that_no_chain_vouches_f
     shutil.copytree(sealed.folder, copy)
     shown = here("show", str(copy), "--data", str(tmp_path / "archive")).out
     assert "PASS" in shown
-    assert f"no {CHAIN} in the data folder" in shown
+    assert f"file {CHAIN} is missing" in shown
 
 
 def test_runs_that_end_at_once_do_not_tear_the_chain(tmp_path: Path) -> None:

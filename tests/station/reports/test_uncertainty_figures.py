@@ -17,7 +17,7 @@ from analysis.uncertainty.figures import StatedBy
 from benchmarks.simulated.simulated_run import SimulatedBench, course_of, measured_trace
 from benchmarks.simulated.simulated_unit import SimulatedUnit
 from recipes import RecipeError, load_bench, parse_bench, shipped_benches
-from recipes.schema.bench_schema import TorqueSensor
+from recipes.schema.sensor_schema import TorqueSensor
 from station.bench.figures import figures_of
 from station.cli.runs.evaluate_anew import elsewhere
 

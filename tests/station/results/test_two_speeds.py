@@ -135,7 +135,7 @@ STEPS = "step_cycles: {count: 1, peak_torque: 110 %, steps: 10, torque_rate: 20 
         ("declared", (SLOW,), ""),
         ("report", (SLOW,), ""),
         ("two_speeds", (SLOW,), "alignment: found 'two_speeds', but cycles at 0.5 arcmin/s of wind-up alone"),
-        ("two_speeds", (SLOW, STEPS), "sequence at two speeds that differ by 1.2 times or more. Add a block of cycles"),
+        ("two_speeds", (SLOW, STEPS), "sequence at two speeds that differ by 1.2 times or more. Lags are"),
         ("two_speeds", (SLOW, NEAR), "but cycles at 0.5 and 0.59 arcmin/s of wind-up alone"),
         ("two_speeds", (STEPS,), "but no torque_cycles or speed_cycles"),
         ("two_speeds", (FAST, SLOW.replace("count: 2", "count: 1")), "found 'two_speeds' with 2 cycles; allowed: 3"),

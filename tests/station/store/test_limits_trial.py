@@ -21,7 +21,8 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.quality.limits_trial import Tried, _side_risks, draft_of, flips_with_reasons, limits_trial
 from station.records.data_folder import Store
-from station.records.recipe_revisions import History, State
+from station.records.revisions.history import History
+from station.records.revisions.revision import State
 from station.records.run_record import RESULT
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips, tried_runs

@@ -16,7 +16,9 @@ from sqlalchemy import insert
 from starlette.testclient import TestClient
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from station.records.recipe_revisions import History, Revision, ask_release, hash_of, release, save_draft
+from station.records.revisions.history import History
+from station.records.revisions.revision import Revision, hash_of
+from station.records.revisions.writing import ask_release, release, save_draft
 from station.web.guard import Guard
 from station.web.models import load_models
 from station.web.people import accounts, badges

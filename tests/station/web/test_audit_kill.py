@@ -17,8 +17,9 @@ from typing import Any
 import pytest
 from station_support import FIRST, GOLDEN, PASSWORD, client_of, station_in
 
-from station.records import recipe_revisions
-from station.records.recipe_revisions import History, State, hash_of
+from station.records.revisions import writing
+from station.records.revisions.history import History
+from station.records.revisions.revision import State, hash_of
 from station.web.actions import perform as performing
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
@@ -109,8 +110,8 @@ def lines_of(database: StationDatabase, action: str) -> list[tuple[str, str, dic
 @pytest.mark.parametrize("point", POINTS)
 def test_a_release_that_was_signed_has_a_line_wherever_the_server_was_killed(tmp_path: Path, point: str) -> None:
     station = station_in(tmp_path / "runs")
-    draft = recipe_revisions.save_draft(station.data, DRAFT, "the technician")
-    recipe_revisions.ask_release(station.data, "killed", draft.revision, draft.sha256, "the technician")
+    draft = writing.save_draft(station.data, DRAFT, "the technician")
+    writing.ask_release(station.data, "killed", draft.revision, draft.sha256, "the technician")
     values = {"name": "killed", "revision": draft.revision, "sha256": hash_of(DRAFT)}
     perform_and_die(station.database, station, point, "release_recipe", values)
     station.close()

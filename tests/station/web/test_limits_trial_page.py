@@ -17,7 +17,7 @@ from stored_runs import metric, store_run
 from recipes import find_recipe, parse_recipe
 from station.counted import counted
 from station.quality.limits_trial import Tried, limits_trial
-from station.records.recipe_revisions import History
+from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
 from station.web.pages.quality.trial_html import flips_html, risks_html, trial_words, verdicts_html
 

@@ -109,7 +109,7 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
     page.wait_for_selector(".lm-words:has-text('26 runs')")
     page.get_by_label("Known value").fill("0.502")
     page.get_by_role("button", name="Judge").click()
-    page.wait_for_selector("text=A tolerance needs")
+    page.wait_for_selector("text=so its tolerance is not known")
     page.get_by_label("Tolerance (empty").fill("0.2")
     page.get_by_role("button", name="Judge").click()
     page.wait_for_selector("text=● capable")

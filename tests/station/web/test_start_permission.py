@@ -23,7 +23,7 @@ from station.documents.events import LeftState
 from station.documents.manifest import EarlierAttempt
 from station.documents.result import Result
 from station.records.data_folder import Store
-from station.records.recipe_revisions import save_draft
+from station.records.revisions.writing import save_draft
 from station.records.run_record import RESULT
 from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK

@@ -20,7 +20,8 @@ from recipes.text.problems import OptionPath
 from recipes.text.yaml_source import parse_source
 from station.errors import StationError
 from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED
-from station.records.recipe_revisions import History, Revision, State, hash_of
+from station.records.revisions.history import History
+from station.records.revisions.revision import Revision, State, hash_of
 from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
 from station.web.actions.row import Answer

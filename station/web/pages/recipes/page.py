@@ -14,7 +14,8 @@ from nicegui import events, ui
 
 from recipes.text.yaml_source import LARGEST_FILE
 from station.errors import StationError
-from station.records.recipe_revisions import History, Revision, State
+from station.records.revisions.history import History
+from station.records.revisions.revision import Revision, State
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.pages.frame import SESSION_EVERY_S, Column, act, bar, session_of_page, still_open

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 from browser import needs_browser, opened, playwright
+from label_setup import released_text, set_up
 from served import Served, prepared, served
 from stored_runs import metric, store_run
-from test_labels import released_text, set_up
 from test_start_in_browser import SCAN
 from zpl_printer import ZplPrinter, printing
 

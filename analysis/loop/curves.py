@@ -59,9 +59,12 @@ DEFAULT_FIT = next(iter(FITS))
 
 
 def fit_name(fit: str, method: Method) -> str:
-    """Return the name of a fit with the torques where its pieces meet."""
+    """Return the name of a fit with the torques where its pieces meet.
+
+    Results are told apart by it: stored values count together only where it is the same, word by word.
+    """
     breaks = " and ".join(f"{torque:.4g}" for torque in MADE_BY[fit].breaks_nm(method))
-    return f"{FITS[fit].name} with segments that meet at {breaks} N·m"
+    return f"{FITS[fit].name} with breaks at {breaks} N·m"
 
 
 def fitted_curve(loop: Loop, fit: str, branch: str = "mean", side: int = 1) -> Curve:

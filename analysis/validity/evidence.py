@@ -32,7 +32,7 @@ class RunFacts:
     status said so. zeroes_again: samples of the torque zeroes that were read after the run, None in records of versions
     that read none; the zero shifts are their means, less the zeroes before the run. bench_waited: the bench was a
     virtual one that waits for the scan, so that nothing could be missed. holds: how often a ramp was held, by the
-    reaction that the record has; 0 in what was counted by versions that did not ask.
+    reaction that the record has; 0 too where nobody has asked.
     """
 
     periods: int

@@ -12,7 +12,10 @@ from station.documents.timing import Timing
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Counts:
-    """What was counted while recording, whatever a recipe allows of it."""
+    """What was counted while recording, whatever a recipe allows of it.
+
+    holds: how often a ramp was held; None in what was counted by versions that did not ask.
+    """
 
     periods: int
     missed: int
@@ -24,7 +27,7 @@ class Counts:
     zeroes_again: int | None = None
     torque_in_zero_shift_nm: float | None = None
     torque_out_zero_shift_nm: float | None = None
-    holds: int = 0
+    holds: int | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

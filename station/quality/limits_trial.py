@@ -12,6 +12,7 @@ from analysis.evaluation.guard_band import Risks, normal_process, risks
 from analysis.evaluation.verdict import Verdict, check_limits, judge, worst
 from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
+from analysis.uncertainty.scatter import USUAL
 from definitions.metrics import METRICS
 from recipes import Recipe, parse_recipe
 from recipes.editing import changed
@@ -193,20 +194,21 @@ def _recipe(data: Path, run: str) -> Recipe:
 
 def _side_risks(side: str, rows: Sequence[ValueRow], before: Rule, after: Rule) -> SideRisks:
     """Return the risks of a side: the spread of the values is that of the process and of the measuring together."""
-    uncertain = [0.5 * row.uncertainty for row in rows if row.uncertainty is not None]
+    expanded = [row.uncertainty for row in rows if row.uncertainty is not None]
+    uncertain = [row.uncertainty / (row.coverage_factor or USUAL.factor) for row in rows if row.uncertainty is not None]
     numbers = [row.value for row in rows]
     if len(numbers) < LEAST_VALUES or len(uncertain) < len(numbers):
         return SideRisks(side, math.nan, math.nan, math.nan, None, None, f"needs {LEAST_VALUES} values with U")
     mean = sum(numbers) / len(numbers)
     variance = sum((one - mean) ** 2 for one in numbers) / (len(numbers) - 1)
-    u = math.sqrt(sum(one**2 for one in uncertain) / len(uncertain))
+    u, whole = (math.sqrt(sum(one**2 for one in some) / len(some)) for some in (uncertain, expanded))
     if not variance > u**2 > 0.0:
         return SideRisks(side, mean, math.nan, u, None, None, "the values scatter no more than U explains")
     sd = math.sqrt(variance - u**2)
     try:
         process = normal_process(mean, sd)
         now, then = (
-            risks(process, one.limit_min, one.limit_max, u, 2.0 * u * (one.guard_factor or 0.0))
+            risks(process, one.limit_min, one.limit_max, u, whole * (one.guard_factor or 0.0))
             for one in (before, after)
         )
     except AnalysisError as error:

@@ -237,7 +237,7 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
                 if content is None or listed is not None:
                     raise RecordError(
                         f"{file}: this file is not a backup: it has the strange entry {entry.name}. Name a file that "
-                        "'lostmotion store backup' wrote"
+                        "'lostmotion backup' wrote"
                     )
                 if entry.name == LIST:
                     listed = document_in(FileList, content.read(), file / LIST)
@@ -269,7 +269,7 @@ def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[
     if pure.is_absolute() or ".." in pure.parts or not pure.parts:
         raise RecordError(
             f"{file}: this file is not a backup of this program: {name!r} would be written outside the data folder. "
-            "Name a file that 'lostmotion store backup' wrote"
+            "Name a file that 'lostmotion backup' wrote"
         )
     size, digest = 0, hashlib.sha256()
     with ExitStack() as opened:

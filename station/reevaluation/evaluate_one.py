@@ -43,7 +43,7 @@ class Job:
     """A run to evaluate: its id, the SHA-256 of its run.json, its own verdict, and where it is read.
 
     folder: of its record on this computer, '' for none. archive, object, group: row group of its whole record there, or
-    of its trace, whose digest is `trace_sha256`.
+    of its trace, whose digest is `trace_sha256`; then whole, whole_group are those of its whole record.
     """
 
     run: str
@@ -55,6 +55,8 @@ class Job:
     object: str = ""
     group: int = 0
     trace_sha256: str = ""
+    whole: str = ""
+    whole_group: int = 0
 
 
 @dataclass(frozen=True)
@@ -158,6 +160,10 @@ def _from_trace(job: Job, question: Question) -> tuple[Found, Recipe]:
         table = rows_in(opened(stream, job.object), job.group, job.object)
     facts, trace = trace_in(table, job.trace_sha256, job.object)
     _check_facts(job, facts)
+    if (
+        facts.counts.holds is None and job.whole
+    ):  # archived by an older version; the record knows whether a ramp was held
+        return _from_record(replace(job, object=job.whole, group=job.whole_group, trace_sha256=""), question)
     own_bytes = facts.recipe.encode()
     own, bench = _recipe(own_bytes), _bench(facts.bench.encode())
     recipe, other = _asked(question, own, own_bytes, job.run)

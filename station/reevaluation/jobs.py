@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -129,7 +130,8 @@ def _archived(job: Job, address: Address, archive: ArchiveSettings | None, *, wh
         return job_at(job, archive, line.full.name, there.group, "")
     if line.trace is None or there.trace is None or there.trace_sha256 is None:
         return job_at(job, archive, line.full.name, there.group, "")
-    return job_at(job, archive, line.trace.name, there.trace, there.trace_sha256)
+    of_trace = job_at(job, archive, line.trace.name, there.trace, there.trace_sha256)
+    return replace(of_trace, whole=line.full.name, whole_group=there.group)
 
 
 def job_at(job: Job, archive: ArchiveSettings, name: str, group: int, trace_sha256: str) -> Job:

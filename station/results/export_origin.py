@@ -41,6 +41,12 @@ UNREADABLE = (StationError, RecipeError, AnalysisError, AttributeError, KeyError
 """What reading a run raises that was altered, or ended before anything was measured: its files may hold anything."""
 
 
+HOLDS_UNKNOWN = (
+    "an older version exported this file, which does not say whether a ramp was held. If it was, U must be stated with "
+    "k = 3. Export the run again"
+)
+
+
 class TraceNote(NamedTuple):
     """Fingerprint of the trace of a run, and what was counted while it was recorded."""
 
@@ -142,6 +148,11 @@ class Origin:
             f"{run.software.version}; the run's own verdict is {run.verdict}"
         )
         return f"{said}. CHANGED SINCE: the trace in the file is not the run's" if self.changed else said
+
+    @property
+    def unknown(self) -> tuple[str, ...]:
+        """Return what the file does not say of its run, and what that means for the result."""
+        return (HOLDS_UNKNOWN,) if self.recorded.holds is None else ()
 
     def document(self) -> OriginNote:
         """Return what a result repeats of the run."""

@@ -21,6 +21,7 @@ from station.errors import StationError
 from station.records.run_record import CALIBRATION, RESULT, RunRecord
 from station.records.seal import alterations
 from station.reports.headline import objection
+from station.reports.result_text import COVERAGE, coverage_factor
 
 ONE_UNIT_WITHIN = 5.0
 """Standard uncertainties of their difference within which two lines are those of one unit.
@@ -51,7 +52,8 @@ def measured_ratio(record: RunRecord) -> MeasuredRatio:
     """Return the torque ratio that a run measured.
 
     Raises:
-        StationError: it has measured none, was altered or is invalid, faults were injected, or its unit failed.
+        StationError: it has measured none, was altered or is invalid, faults were injected, a ramp was interrupted, or
+            its unit failed.
 
     """
     altered = alterations(record, samples=False)
@@ -97,6 +99,11 @@ def _refuse_unreliable(record: RunRecord) -> None:
         )
     if said := objection(result):
         raise StationError(f"run {record.id} was not used: {said}. Measure the unit again")
+    if coverage_factor(result.metrics) > COVERAGE:  # its lines would be in every later run, whose U has the usual k
+        raise StationError(
+            f"run {record.id} was not used: a ramp was interrupted, so its lines are less sure than they say. Measure "
+            "the unit again"
+        )
     if result.verdict == Verdict.FAIL:
         why = next(iter(result.reasons), "its verdict is FAIL")
         raise StationError(

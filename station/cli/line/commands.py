@@ -181,7 +181,12 @@ def master_part(
 
 
 def decision(
-    u: Annotated[float, typer.Option("--u", metavar="U", help="Standard uncertainty of the measurement, half of U.")],
+    u: Annotated[
+        float,
+        typer.Option(
+            "--u", metavar="U", help="Standard uncertainty of the measurement: U divided by its k, half of U for k = 2."
+        ),
+    ],
     mean: Annotated[
         float | None,
         typer.Option("--process-mean", metavar="X", help="Mean of the production process (normal distribution)."),

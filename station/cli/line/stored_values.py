@@ -10,6 +10,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from analysis.metrics.former_wordings import wording_of_today
 from station.cli.line.stored_metric import (
     MISSING,
     Ask,
@@ -258,14 +259,18 @@ def _same(rows: list[StoredValue], name: str) -> MetricRow:
     of = attrgetter(*SAME)
     meaning = of(metric)
     for other, _ in rows:
-        if of(other) != meaning:
-            differs = [key for key in SAME if getattr(other, key) != getattr(metric, key)]
+        if of(other) != meaning and (differs := _differs(other, metric)):
             raise StationError(
                 f"runs {other.run} and {metric.run} define {name} differently: option {differs[0]} is "
                 f"{_shown(other, differs[0])} in one and {_shown(metric, differs[0])} in the other. Choose runs of one "
                 "recipe with --recipe"
             )
     return metric
+
+
+def _differs(one: MetricRow, other: MetricRow) -> list[str]:
+    """Return what two rows do not mean alike, in whatever words it is said."""
+    return [key for key in SAME if wording_of_today(getattr(one, key)) != wording_of_today(getattr(other, key))]
 
 
 def _shown(metric: MetricRow, field: str) -> str:

@@ -21,7 +21,7 @@ from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RunRecord
 from station.records.seal import alterations
 from station.reports.metric_sides import on_side
-from station.reports.result_text import metric_name, minus, number, unit_text
+from station.reports.result_text import COVERAGE, metric_name, minus, number, unit_text
 from station.reports.result_view import result_console, show_result
 from station.reports.stored_result import stored_result
 from station.run.conclusion import NOT_DECIDABLE
@@ -31,7 +31,7 @@ LEAST_DRAWS = 50
 
 MEANS = (
     "Monte Carlo, {draws} draws of all errors at once: its u, and the interval that holds 95.45 % of the draws, "
-    "without sensitivities and without k. The verdict uses the U of the uncertainty budget (k = 2), not these values."
+    "without sensitivities and without k. The verdict uses the U of the uncertainty budget, not these values."
 )
 NONE = "Monte Carlo: no sensor specifications; give the bench file (--bench)"
 
@@ -156,7 +156,7 @@ def show_monte_carlo(console: Console, metrics: Sequence[MetricValue]) -> None:
 def _cells(row: MetricValue, found: MonteCarlo) -> list[str]:
     """Return the texts of one row; those of a grade are of the backlash that it is the grade of."""
     u = sum(one.contribution**2 for one in row.budget) ** 0.5
-    spread = 2.0 * u
+    spread = (row.coverage_factor or COVERAGE) * u
     graded = row.id == "grade"
     return [
         metric_name(row),

@@ -155,7 +155,7 @@ def _with_origin(result: Evaluation, origin: Origin, bench_name: str | None) -> 
         scenario=origin.run.scenario,
         operator=origin.run.operator,
         clock=origin.run.clock,
-        notes=(origin.text(), *result.notes),
+        notes=(origin.text(), *origin.unknown, *result.notes),
         reevaluated=reevaluated,
         reevaluated_bench=bench,
         original_verdict=original,

@@ -13,6 +13,9 @@ Level = Literal["file", "part", "characteristic", "value"]
 Form = Literal["text", "whole number", "number", "moment", "events"]
 
 ENCODING = "cp1252"
+INSTEAD = str.maketrans({"−": "-", "′": "'", "Δ": "d"})
+"""Signs of definitions that the encoding lacks, and what is written for them."""
+
 END_OF_LINE = "\r\n"
 NEXT_CHARACTERISTIC, NEXT_ENTRY = "\x0f", "\x14"
 MOMENT = "%d.%m.%Y/%H:%M:%S"

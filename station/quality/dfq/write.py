@@ -10,11 +10,13 @@ from typing import Any
 
 from sqlalchemy import Row, select
 
+from analysis.metrics.former_wordings import wording_of_today
 from station.errors import StationError
 from station.quality.dfq.check import DfqError, checked_dfq
 from station.quality.dfq.fields import (
     ENCODING,
     END_OF_LINE,
+    INSTEAD,
     MOMENT,
     NEXT_CHARACTERISTIC,
     NEXT_ENTRY,
@@ -117,7 +119,7 @@ def _file(production: Production, runs: Sequence[str], there: Sequence[Character
     for _, group in groupby(rows, key=lambda row: row.run):
         of_run = list(group)
         cells = {
-            (*(getattr(row, name) or "" for name in MEANING), row.side): row for row in of_run
+            (*(wording_of_today(getattr(row, name) or "") for name in MEANING), row.side): row for row in of_run
         }  # fmt: skip
         if not any(key in cells for key in numbers):
             left_out += 1
@@ -183,7 +185,7 @@ def _characteristic(one: Characteristic, side: str, number: int) -> list[str]:
             lines[limit] = _number(value)
     lines["K2142"] = one.unit if one.unit.strip() else "1"
     if one.definition:
-        lines["K2900"] = one.definition
+        lines["K2900"] = one.definition.translate(INSTEAD)
     return [f"{key}/{number} {value}" for key, value in lines.items()]
 
 

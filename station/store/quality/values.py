@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Select, Subquery, func, or_, select
 
 from analysis.line.groups import Sums
+from analysis.metrics.former_wordings import wording_of_today, wordings
 from station.errors import StationError
 from station.store.plant.hours import whole_hours
 from station.store.quality.counts import Grouping, grouping
@@ -15,7 +16,18 @@ from station.store.quality.lot import Lot, Production
 from station.store.tables import METRIC_HOURS, METRICS, RUNS
 
 MEANING = ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit")
-"""What must be the same of a metric in every run, or the numbers are not of one kind."""
+"""What must be the same of a metric in every run, or the numbers are not of one kind; whatever words it is said in."""
+
+
+def means(name: str, there: ColumnElement[Any], text: str) -> ColumnElement[bool]:
+    """Return the condition that a column of MEANING says what a text says, in the words of today or of before."""
+    if name not in WORDED:
+        return there == text
+    return there.in_(wordings(text))
+
+
+WORDED = ("definition", "estimator")
+"""What of MEANING is in words for people, which become better."""
 
 
 class Characteristic(NamedTuple):
@@ -48,7 +60,7 @@ class Characteristic(NamedTuple):
 
 
 class ValueRow(NamedTuple):
-    """A value with the run it came from."""
+    """A value with the run it came from; coverage_factor: the k of its U = k·u, None where the result names none."""
 
     run: str
     serial: str
@@ -56,6 +68,7 @@ class ValueRow(NamedTuple):
     bench: str
     value: float
     uncertainty: float | None
+    coverage_factor: float | None = None
 
 
 def newest_run(production: Production, lot: Lot) -> str:
@@ -85,7 +98,8 @@ def metrics_of_run(production: Production, run: str) -> tuple[Characteristic, ..
         if there is None:
             found[row["position"]] = Characteristic(
                 metric=row["metric"], choices=row["choices"], branch=row["branch"] or "",
-                definition=row["definition"] or "", estimator=row["estimator"] or "", band=row["band"] or "",
+                definition=wording_of_today(row["definition"] or ""), band=row["band"] or "",
+                estimator=wording_of_today(row["estimator"] or ""),
                 torque_nm=row["torque_nm"] or "", unit=row["unit"] or "",
                 limit_min=row["limit_min"], limit_max=row["limit_max"], sides=(row["side"],),
             )  # fmt: skip
@@ -131,6 +145,7 @@ def values(production: Production, lot: Lot, what: Characteristic, side: str) ->
         *(runs.c[name] for name in ("run", "serial", "started", "bench")),
         METRICS.c.value,
         METRICS.c.uncertainty,
+        METRICS.c.coverage_factor,
     )
     asked = _of(select(*columns), runs, what, side).where(_in_reach(production, lot)).order_by(runs.c.run)
     return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
@@ -156,6 +171,7 @@ def values_of_part(production: Production, runs: Subquery, what: Characteristic,
         *(runs.c[name] for name in ("run", "serial", "started", "bench")),
         METRICS.c.value,
         METRICS.c.uncertainty,
+        METRICS.c.coverage_factor,
     )
     asked = _of(select(*columns), runs, what, side).order_by(runs.c.run)
     return [ValueRow._make(row) for row in production.connection.execute(asked).tuples()]
@@ -193,7 +209,7 @@ def _sums_of_hours(  # noqa: PLR0917 - what is asked for
     asked = production.of_hours(select(key, *map(func.sum, sums_of)).select_from(METRIC_HOURS), METRIC_HOURS, lot)
     asked = asked.where(there.side == side, there.number > 0)
     for name in MEANING:
-        asked = asked.where(there[name] == getattr(what, name))
+        asked = asked.where(means(name, there[name], getattr(what, name)))
     return asked.group_by(key)
 
 
@@ -204,7 +220,7 @@ def other_meanings(production: Production, lot: Lot, what: Characteristic) -> in
     asked = asked.where(_in_reach(production, lot))
     asked = asked.where(METRICS.c.metric == what.metric, METRICS.c.choices == what.choices)
     asked = asked.where(func.coalesce(METRICS.c.branch, "") == what.branch)
-    differs = [func.coalesce(METRICS.c[name], "") != getattr(what, name) for name in MEANING]
+    differs = [~means(name, func.coalesce(METRICS.c[name], ""), getattr(what, name)) for name in MEANING]
     return int(production.connection.execute(asked.where(or_(*differs))).scalar_one())
 
 
@@ -212,7 +228,7 @@ def _of(asked: Select[Any], runs: Subquery, what: Characteristic, side: str) -> 
     asked = asked.select_from(runs).join(METRICS, _together(runs))
     asked = asked.where(METRICS.c.side == side, METRICS.c.value.is_not(None))
     for name in MEANING:
-        asked = asked.where(func.coalesce(METRICS.c[name], "") == getattr(what, name))
+        asked = asked.where(means(name, func.coalesce(METRICS.c[name], ""), getattr(what, name)))
     return asked
 
 

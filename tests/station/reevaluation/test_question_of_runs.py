@@ -19,9 +19,11 @@ from recipes import Selection
 from station.archive.place import Place
 from station.archive.push import push
 from station.archive.settings import load_settings
+from station.archive.trace_rows import trace_in
 from station.cli.runs.evaluate_anew import reevaluate
 from station.documents.result import Evaluation
 from station.records.data_folder import Store
+from station.reevaluation import evaluate_one as evaluate_one_module
 from station.reevaluation import run_question, workers
 from station.reevaluation.evaluate_one import Job, Outcome, evaluate_one
 from station.reevaluation.jobs import Where, jobs_of, where_of
@@ -95,6 +97,31 @@ def test_trace_and_record_here_and_in_the_archive_say_what_analyze_says(
     assert (record.folder, archived.folder) == (str(run.folder), "")
     assert said(evaluate_one(record, by_recipe)) == said(evaluate_one(archived, by_recipe)) == expected
     assert expected[1] == "FAIL"
+
+
+def test_of_a_trace_that_does_not_say_whether_a_ramp_was_held_the_record_is_read(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As older versions archived it; the record in the archive says it, and U depends on it."""
+    (job,) = jobs(folder / "good", whole=False, archive=True)
+    question, read = Question(selection=Selection(None, METRICS)), []
+
+    def trace_of_before(*asked: Any) -> Any:
+        facts, trace = trace_in(*asked)
+        return replace(facts, counts=replace(facts.counts, holds=None)), trace
+
+    def from_record(asked: Job, question: Question) -> Any:
+        read.append(asked.object)
+        return whole(asked, question)
+
+    whole = evaluate_one_module._from_record
+    expected = said(evaluate_one(job, question))
+    monkeypatch.setattr(evaluate_one_module, "_from_record", from_record)
+    assert said(evaluate_one(job, question)) == expected
+    assert not read
+    monkeypatch.setattr(evaluate_one_module, "trace_in", trace_of_before)
+    assert said(evaluate_one(job, question)) == expected
+    assert read == [job.whole]
 
 
 def test_what_is_not_as_it_was_archived_or_sealed_is_no_outcome(folder: Path, tmp_path: Path) -> None:

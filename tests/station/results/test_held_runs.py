@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 import numpy as np
+import pytest
 
 from analysis.evaluation.pipeline import Result
 from definitions.image import Reaction, State
 from recipes import load_bench, load_recipe
+from station.cli.runs.analyze import _cells
+from station.documents.exported import ExportedRun
+from station.documents.result import MonteCarlo
 from station.documents.timing import Timing
 from station.records.program_file import StoredProgram
 from station.records.run_record import TIMING, RunRecord
 from station.records.samples.samples import read_samples
 from station.records.samples.table import Table
-from station.records.timing_proof import holds_in, run_facts
+from station.records.timing_proof import counts_of, facts_of_counts, holds_in, run_facts
 from station.reports.certificate import certificate_of
 from station.reports.content import uncertainty_kind
 from station.reports.stored_result import stored_result
 from station.results.evaluation import evaluate_trace, trace_of
+from station.results.export_origin import HOLDS_UNKNOWN, Origin
 
 
 def table_with(run: RunRecord, state: State, *, held_from: tuple[int, ...]) -> Table:
@@ -55,6 +61,28 @@ def test_a_hold_that_no_shape_shows_is_known_from_the_record(quick_run) -> None:
         assert before.headline.uncertainty is not None
         assert after.headline.uncertainty is not None
         assert after.headline.uncertainty > before.headline.uncertainty
+
+
+def test_where_nobody_counted_holds_that_is_said(quick_run) -> None:
+    """Files that were exported by versions that did not ask: what their trace does not show is not known."""
+    run = RunRecord(quick_run.record)
+    counts = counts_of(read_samples(run), run.read(Timing, TIMING))
+    assert counts.holds == 0
+    recipe = load_recipe(run.folder / "recipe.yaml")
+    assert facts_of_counts(replace(counts, holds=None), 1_000_000, recipe.sampling).holds == 0
+    exported = cast("ExportedRun", None)
+    told = [Origin(run.folder, exported, replace(counts, holds=count), changed=False).unknown for count in (0, 1, None)]
+    assert told == [(), (), (HOLDS_UNKNOWN,)]
+
+
+def test_u_beside_monte_carlo_has_the_factor_of_the_run(quick_run) -> None:
+    (metric, *_) = stored_result(RunRecord(quick_run.record)).metrics
+    drawn = MonteCarlo(draws=100, u=1.0, shift=0.0, low=0.0, high=1.0)
+    shown = [float(_cells(replace(metric, coverage_factor=k), drawn)[2]) for k in (None, 2.0, 3.0)]
+    assert shown[0] == shown[1]
+    assert shown[2] == pytest.approx(1.5 * shown[1], rel=0.05)
+    assert metric.uncertainty is not None
+    assert shown[1] == pytest.approx(metric.uncertainty, rel=0.05)
 
 
 def test_report_and_certificate_say_with_which_factor(quick_run) -> None:

@@ -220,6 +220,14 @@ def test_whatever_the_serial_number_the_entry_is_read_back(tmp_path: Path, seria
     assert parse_bench(bench_of(command(tmp_path, str(run.folder))), "b.yaml").calibrations
 
 
+def test_nothing_is_taken_from_a_run_whose_ramp_was_interrupted(data: Path) -> None:
+    held = [{**one, "coverage_factor": 3.0} for one in VALUES]
+    run = store_run(data, "U5", held, calibration=ratio(-12.0))
+    for runs in (["U0", "U1", "U5"], ["U5"]):
+        with pytest.raises(StationError, match=f"run {run.id} was not used: a ramp was interrupted"):
+            command(data, *runs)
+
+
 def test_nothing_is_taken_from_an_invalid_measurement(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
     drifted = store_run(data, "U3", VALUES, calibration=ratio(-12.0), reasons=["measurement invalid: drift: 2 %"])
     faulted = store_run(data, "U4", VALUES, calibration=ratio(-12.0), scenario="torque_offset")

@@ -11,8 +11,9 @@ from aqdef_reader import by_another_program
 from lostmotion_command import here
 from stored_runs import metric, store_run
 
+from definitions.metrics import METRICS
 from station.quality.dfq.check import DfqError, DfqFile, checked_dfq
-from station.quality.dfq.fields import ENCODING, FIELDS, IN_A_VALUE, LIMITS
+from station.quality.dfq.fields import ENCODING, FIELDS, IN_A_VALUE, INSTEAD, LIMITS
 from station.quality.dfq.write import dfq_of_lot
 from station.store.quality.lot import Lot, production
 
@@ -45,6 +46,16 @@ def both_metrics(lost_motion: float, stiffness: float | None) -> list[dict[str, 
 def good(folder: Path) -> bytes:
     with production(folder) as look:
         return dfq_of_lot(look, LOT, "a test").content
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_every_definition_and_unit_can_be_written(name: str, tmp_path: Path) -> None:
+    row = METRICS[name]
+    store_run(tmp_path, "SN", [metric(0.4, id=name, definition=row.text, unit=row.unit, estimator=row.estimator)])
+    with production(tmp_path) as look:
+        told = checked_dfq(dfq_of_lot(look, LOT, "a test").content).characteristics[0]["K2900"]
+    assert len(told) == len(row.text)
+    assert told.translate(INSTEAD) == told
 
 
 def test_a_lot_is_read_back_with_value_limits_serial_and_events(good: bytes) -> None:

@@ -157,6 +157,16 @@ def test_a_stricter_limit_moves_the_risk_from_the_customer_to_the_maker() -> Non
     assert found.sd_process == pytest.approx(math.sqrt(np.var([row.value for row in rows], ddof=1) - 0.02**2))
 
 
+def test_of_an_interrupted_run_u_is_a_third_of_what_is_stated() -> None:
+    """Its U is stated with k = 3: half of it would be too much, and the process would seem to scatter less."""
+    values = [float(one) for one in np.random.default_rng(2).normal(0.9, 0.06, 200)]
+    rows = [ValueRow(f"R{n}", f"U{n}", "", "", one, 0.04, 2.0) for n, one in enumerate(values)]
+    held = [row._replace(uncertainty=0.06, coverage_factor=3.0) for row in rows]
+    usual, other = (_side_risks("+", some, Rule(None, 1.0, None), Rule(None, 1.0, 1.0)) for some in (rows, held))
+    assert (other.u, other.sd_process) == pytest.approx((usual.u, usual.sd_process))
+    assert (usual.after.guard, other.after.guard) == pytest.approx((0.04, 0.06))
+
+
 def test_a_lot_whose_recipe_cannot_be_read_is_refused(folder: Path) -> None:
     told = here("quality", "trial", "--metric", "lost_motion", "--max", "0.506", "--data", str(folder))
     assert told.exit_code == 2

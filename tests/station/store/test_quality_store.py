@@ -10,9 +10,12 @@ from lostmotion_command import ROOT
 from stored_runs import metric, store_run
 
 from analysis.line.capability import capability
+from analysis.metrics.former_wordings import FORMER_DEFINITIONS
+from definitions.metrics import METRICS
 from recipes import RecipeError, load_recipe
 from station.errors import StationError
 from station.quality.bench_ability import Part, stated_tolerance, type_one_of
+from station.quality.dfq.write import dfq_of_lot
 from station.quality.figures import capability_of, causes_of, chart_of, trend_of, yield_of
 from station.records.run_record import RunRecord
 from station.store.quality.counts import GROUPINGS, Verdicts
@@ -124,6 +127,22 @@ def test_a_trend_is_that_of_the_values_one_by_one(folder: Path) -> None:
             trend_of(look, LOT, "stiffness", "bench")
     assert [(one.name, one.number) for one in found.compared.groups] == [("A", 12), ("B", 12)]
     assert [one.mean for one in found.compared.groups] == pytest.approx([np.mean(VALUES[::2]), np.mean(VALUES[1::2])])
+
+
+def test_runs_whose_definition_is_in_the_words_of_before_count(tmp_path: Path) -> None:
+    words = (*FORMER_DEFINITIONS["lost_motion"], METRICS["lost_motion"].text, "half of it")
+    for number, text in enumerate((*words, words[0])):
+        store_run(
+            tmp_path, f"U{number}", [metric(0.5 + number / 100, definition=text)], day=number, operator="AB"[number % 2]
+        )
+    with production(tmp_path) as look:
+        row = capability_of(look, LOT).rows[0]
+        dfq = dfq_of_lot(look, LOT, "test")
+        whole = trend_of(look, LOT._replace(until="2026-01-14T00:00:00.000+00:00"), "lost_motion", "operator")
+        by_row = trend_of(look, LOT._replace(until="2026-01-14T00:00:01.000+00:00"), "lost_motion", "operator")
+    assert (row.found.values, row.other_meanings) == (4, 1)
+    assert (dfq.runs, dfq.left_out) == (4, 1)
+    assert [one.number for found in (whole, by_row) for one in found.compared.groups] == [3, 1, 3, 1]
 
 
 def test_runs_that_mean_something_else_are_left_out_and_counted(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ from station.records.chain.walk import Trust
 from station.records.data_folder import Store
 from station.records.traces import FOLDER
 from station.records.verify import verify_folder
+from station.store import outbox
 from station.store.places import FILE as STORE_FILE
 from station.store.plant.removals import removals, removals_now
 from station.store.retention import apply, load_rules, plan
@@ -135,6 +136,24 @@ def test_a_store_of_an_older_version_learns_of_the_runs_that_were_removed_before
         assert all_rows(view.database, view.chain) == rows
         assert not set(view.missing) & removed.keys()
         assert removals_now(connection, view.chain, view.trust, [*removed], 1) == removed
+
+
+def test_many_runs_that_were_removed_at_once_are_all_known_at_the_next_look(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Their lines are the end of the chain, and conclude no run."""
+    for number in range(6):
+        store_run(data, "MORE", [metric(0.4)], day=float(number))
+    with look_at(data) as view:
+        assert not view.missing
+    back_up(data, tmp_path / "b.tar")
+    monkeypatch.setattr(outbox, "BATCH", 1)
+    done = apply(data, plan(data, load_rules(data), LATER), backed_up(tmp_path / "b.tar"), "A. Tester")
+    assert len(done.removed) > 2 * outbox.BATCH
+    found = search(data, Wanted())
+    assert (found.behind, {one.altered for one in found.rows} & {MISSING}) == (0, set())
+    with look_at(data) as view:
+        assert not view.missing
 
 
 def test_a_removal_that_was_cut_short_is_no_problem_and_is_finished_by_the_next(data: Path, tmp_path: Path) -> None:

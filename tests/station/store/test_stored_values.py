@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from stored_runs import metric, store_lot, store_run
 
+from analysis.metrics.former_wordings import FORMER_DEFINITIONS
+from definitions.metrics import METRICS
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values
 from station.errors import StationError
@@ -48,6 +50,15 @@ def test_runs_that_mean_something_else_are_refused(runs: Path) -> None:
         StationError, match=r"define lost_motion differently: option band is 0.03 in one and 0.04 in the other"
     ):
         stored_values(runs, ASK)
+
+
+def test_a_definition_in_the_words_of_before_means_the_same(tmp_path: Path) -> None:
+    for number, text in enumerate((*FORMER_DEFINITIONS["lost_motion"], METRICS["lost_motion"].text)):
+        store_run(tmp_path, f"U{number}", [metric(0.4, definition=text)], day=number)
+    assert len(stored_values(tmp_path, ASK).values) == 3
+    store_run(tmp_path, "U9", [metric(0.4, definition="half of it")])
+    with pytest.raises(StationError, match="define lost_motion differently: option definition is "):
+        stored_values(tmp_path, ASK)
 
 
 def test_runs_with_the_torque_of_different_sensors_are_pooled_only_when_the_recipe_is_named(tmp_path: Path) -> None:

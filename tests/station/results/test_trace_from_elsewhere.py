@@ -77,7 +77,7 @@ def test_without_time_delay_and_drift_are_not_in_the_budget_and_a_guard_band_dec
     assert found.metrics[0].uncertainty_kind == "untimed"
     assert {"skew", "drift"}.isdisjoint(row.quantity for row in found.metrics[0].budget)
     assert found.verdict == "NOT DECIDABLE"
-    assert "t_s" in found.reasons[0]
+    assert "(column t_s)" in found.reasons[0]
     assert any("without delay and drift" in note for note in found.notes)
     assert "no contribution of delay and drift" in uncertainty_kind(found.metrics)
     assert elsewhere(TRACE, recipe(tmp_path, "simple"), "virtual").verdict == "PASS"

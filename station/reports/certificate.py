@@ -18,6 +18,7 @@ from station.errors import RecordError
 from station.records.certificate_code import CERTIFICATE, code_of
 from station.records.run_record import RunRecord
 from station.records.seal import is_sealed
+from station.reports.content import checks_line, shown_checks
 from station.reports.headline import badges
 from station.reports.metric_sides import side_rows
 from station.reports.result_text import coverage_text, guarded_text, limits_text, minus, number, plus_minus, unit_text
@@ -59,6 +60,8 @@ class JudgedRow:
 class Certificate:
     """What the page says. facts: name and text. uncertainty: U with its k, as heads of columns say it.
 
+    checks: how many validity checks failed, passed and do not apply.
+
     code: of the run, as the square has it.
     """
 
@@ -69,6 +72,7 @@ class Certificate:
     facts: tuple[tuple[str, str], ...]
     rows: tuple[JudgedRow, ...]
     uncertainty: str
+    checks: str
     code: str
 
 
@@ -91,6 +95,7 @@ def certificate_of(run: RunRecord, result: Result) -> Certificate | None:
         facts=_facts(heads, manifest, result),
         rows=tuple(_row(side, result) for one in result.metrics if one.limits for side in side_rows(one)),
         uncertainty=coverage_text(result.metrics),
+        checks=f"Validity of the measurement: {checks_line(shown_checks(result)) or 'no checks'}.",
         code=code_of(run),
     )
 

@@ -47,7 +47,7 @@ def certificate_parts(one: Certificate, loop: bytes | None, rule: str) -> list[A
         Spacer(1, 4),
         _flush(_metrics(one)),
         Spacer(1, 3),
-        paragraph(rule, "soft"),
+        paragraph(f"{one.checks} {rule}", "soft"),
         Spacer(1, 16),
         _flush(_signatures()),
         Spacer(1, 8),

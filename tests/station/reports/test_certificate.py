@@ -44,9 +44,12 @@ def test_a_certificate_says_what_the_record_says(data: Path) -> None:
     assert {row.title for row in found.rows} == limited
     assert {row.verdict for row in found.rows} >= {"FAIL"}
     assert dict(found.facts)["Order"] == "4711"
+    passed = sum(check.passed is True for check in result.gates)
+    assert f"{passed} checks passed" in found.checks
     html, pdf = made_report(run, keep=False)
     text = html.decode()
     assert text.index('class="certificate"') < text.index("Annex") < text.index("<h2>Metrics")
+    assert found.checks in text[: text.index("Annex")], "whether the measurement is valid stands on the first page"
     assert "&lt;b&gt;Road" in text
     assert "A &amp; B" in text
     square = re.search(r'class="code" alt="[^"]*" src="data:image/svg\+xml;base64,([^"]+)"', text)

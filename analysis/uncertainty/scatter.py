@@ -43,7 +43,7 @@ class Coverage(NamedTuple):
 
 COVERAGES = {
     "through": Coverage(2.0),
-    "interrupted": Coverage(3.0, "interrupted ramp; that 95 % of the values lie within k = 2 was shown without one"),
+    "interrupted": Coverage(3.0, "interrupted ramp; k = 2 (95 %) was shown only for runs without one"),
 }
 """By what became of the ramps of a run."""
 

@@ -83,7 +83,7 @@ def gage(
     if file is not None:
         found = _listed(file, ask, data)
     else:
-        found = [(_of_runs(one, by), one) for one in _values(data, ask or Ask(""))]
+        found = [(_of_runs(one, by), one) for one in _values_of_all_runs(data, ask or Ask(""))]
     sides = [_studied(design, stored, given, level) for design, stored in found]
     values, (design, tolerance, anova, ranges), of_sides = worse_side(sides)
     stored, unit = values.stored, values.unit
@@ -111,12 +111,12 @@ def judged_study(data: Path, ask: Ask, by: str, level: float = 0.95) -> tuple[Ga
     """
     if by not in BY:
         raise StationError(f"--by: found {by!r}; allowed are {', '.join(BY)}")
-    sides = [_studied(_of_runs(one, by), one, None, level) for one in _values(data, ask)]
+    sides = [_studied(_of_runs(one, by), one, None, level) for one in _values_of_all_runs(data, ask)]
     _, (design, _, anova, _), _ = worse_side(sides)
     return design, anova
 
 
-def _values(data: Path, ask: Ask) -> tuple[StoredValues, ...]:
+def _values_of_all_runs(data: Path, ask: Ask) -> tuple[StoredValues, ...]:
     """Return the values of all runs; those of guided studies are measured for nothing else."""
     return values_of_sides(data, dataclasses.replace(ask, studies=True))
 

@@ -182,7 +182,8 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[Metr
     left_out: Counter[str] = Counter()
     metrics: list[MetricRow] = []
     missing = set(view.missing)
-    for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial, studies=ask.studies or only is not None):
+    studies = ask.studies or only is not None  # a run that is named is meant
+    for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial, studies=studies):
         run = rows[0].run
         if only is not None and run not in only:
             continue
@@ -191,7 +192,7 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[Metr
             left_out[found] += 1
         else:
             metrics.append(found)
-    for one in runs_that_do_not_count(view, ask.recipe, ask.serial, studies=ask.studies or only is not None):
+    for one in runs_that_do_not_count(view, ask.recipe, ask.serial, studies=studies):
         if only is None or one.run in only:
             left_out[why_left_out(view, one)] += 1
     for run in view.open:

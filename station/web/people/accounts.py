@@ -78,11 +78,23 @@ class Person:
 
 @dataclass(frozen=True)
 class Session:
-    """An open session: `token` is the browser's secret, `csrf` what each of its requests has to bring besides."""
+    """An open session: `token` is the browser's secret, `csrf` what each of its requests has to bring besides.
+
+    place: where it is, for the audit trail; '' of a browser or of REST.
+    """
 
     person: Person
     token: str
     csrf: str
+    place: str = ""
+
+
+def session_here(name: str | None, place: str) -> Session:
+    """Return the session of whoever stands at the bench's own terminal: an operator, without an account.
+
+    name: as they say themselves; None where nobody has said, and the place stands for them.
+    """
+    return Session(Person(name or place, "operator"), "", "", place)
 
 
 def first_password(connection: Connection) -> str | None:

@@ -10,6 +10,7 @@ import hashlib
 import hmac
 import secrets
 from dataclasses import dataclass
+from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Any
 
@@ -104,6 +105,16 @@ def first_password(connection: Connection) -> str | None:
     password = secrets.token_urlsafe(9)
     add_person(connection, FIRST_ACCOUNT, "admin", password)
     return password
+
+
+def has_accounts(data: Path) -> bool:
+    """Say whether the station of a data folder has any account; a loop without a screen makes a station without."""
+    database = StationDatabase(data)
+    try:
+        with database.reading() as connection:
+            return connection.execute(select(PEOPLE.c.name).limit(1)).first() is not None
+    finally:
+        database.close()
 
 
 def first_is_changed(connection: Connection) -> bool:

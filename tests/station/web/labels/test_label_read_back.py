@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 from collections.abc import Sequence
 
 import pytest
 from label_setup import due_now, good_run, stand, thread_of
+from lostmotion_command import here
 from sqlalchemy import select
-from station_support import client_of
+from station_support import PASSWORD, client_of
 from zpl_printer import ZplPrinter, read_fields
 
 from station.cli.measure.at_terminal import AtTerminal
@@ -129,6 +131,22 @@ def test_the_loop_in_a_terminal_prints_a_label_again(plant: Station, printer: Zp
     with plant.database.reading() as connection:
         told = [(one.action, one.outcome) for one in lines_of(connection, 9) if one.action == "print_label"]
     assert told == [("print_label", one) for one in ("done", "refused", "done", "refused")]
+
+
+@pytest.mark.usefixtures("printer")
+def test_labels_are_printed_again_and_set_aside_by_command(plant: Station, monkeypatch: pytest.MonkeyPatch) -> None:
+    good_run(plant)
+    thread_of(plant).look()
+
+    def as_the(role: str, *words: str) -> int:
+        monkeypatch.setattr("sys.stdin", io.StringIO(f"{PASSWORD}\n"))
+        return here("labels", *words, "--as", f"the {role}", "--data", str(plant.data)).exit_code
+
+    assert as_the("operator", "again", "SN-1") == 0
+    assert stand(plant).stage == "to print"
+    assert as_the("operator", "aside", "SN-1", "--reason", "printer broken") == 2
+    assert as_the("technician", "aside", "SN-1", "--reason", "printer broken") == 0
+    assert stand(plant) is None
 
 
 def test_the_old_label_of_a_unit_that_was_measured_again_is_told(plant: Station, printer: ZplPrinter) -> None:

@@ -19,7 +19,7 @@ from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
 from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
-from station.web.pages import frame, jog, operator, people, results, words
+from station.web.pages import frame, jog, maintenance, operator, people, results, words
 from station.web.pages.operator import enter_page
 from station.web.pages.words import Shown, attempts_said
 from station.web.people.accounts import ROLES, chosen_language
@@ -67,6 +67,7 @@ TEXTS = [
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
+    *said(maintenance), *maintenance.BUTTONS.values(), *maintenance.SAID, maintenance.LOADING, maintenance.NOBODY_SAW,
     *said(jog), *said(people), *titles(people), *people.COLUMNS, *people.DONE.values(),
     OPEN, FIRST, LOCKED, CLOSED, "yes", "no",
     *jog.KEYS.values(), *jog.TOLD, *jog.WORDS.values(), *jog.SHARES.values(), jog.MAY_JOG,

@@ -13,6 +13,7 @@ from pathlib import Path
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.records.run_record import MANIFEST, RunRecord
+from station.store.attempts import attempts_told
 from station.store.outbox import catch_up, put_runs
 from station.store.plant.removals import removals_now
 from station.store.projection import seen, seen_files
@@ -39,6 +40,8 @@ class Page:
     recipes: tuple[str, ...]
     models: tuple[str, ...]
     behind: int
+    attempts: dict[str, str]
+    """Which attempt each row is, and what became of those before, by its run."""
 
 
 def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> Page:
@@ -67,11 +70,12 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
         with database.reading() as connection:
             rows = runs_named(connection, chain, named) if changed else rows
             rules = removals_now(connection, chain, trust, gone, behind) if gone else {}
+            attempts = attempts_told(connection, chain, trust, rows.values())
     finally:
         database.close()
     why = {run: REMOVED_BY.format(rules[run]) if run in rules else MISSING for run in gone}
     shown = [rows[run]._replace(altered=why[run]) if run in why else rows[run] for run in named if run in rows]
-    return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind)
+    return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind, attempts)
 
 
 def _seen_now(chain: Chain, run: str) -> tuple[str, str]:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import gc
-import os
 import socket
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -140,9 +138,7 @@ def serve(served: Served) -> None:
 
     """
     station, password = open_station(served)
-    if station.settings.time_zone is not None:
-        os.environ["TZ"] = station.settings.time_zone
-        time.tzset()  # from here on local time is the plant's, on every page and in every search
+    station.settings.use_time_zone()
     outboxes: list[Sender | Printing | Writer] = []
     try:
         if station.mes is not None:

@@ -62,8 +62,12 @@ class Database:
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """Yield a connection that sees one state of the store; StoreError where it fails."""
-        with _told(self.place), self._engine.connect() as connection, connection.begin():
-            yield connection
+        with _told(self.place), self._engine.connect() as plain:
+            # PostgreSQL would show each statement a state of its own; SQLite never does.
+            level = "REPEATABLE READ" if plain.dialect.name == "postgresql" else None
+            connection = plain.execution_options(isolation_level=level) if level else plain
+            with connection.begin():
+                yield connection
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:

@@ -54,10 +54,10 @@ class MetricRow(NamedTuple):
     bench: str | None
     started: str | None
     operator: str | None
-    position: int | None = None
-    side: str = ""
-    meaning: int = 0
-    value: float | None = None
+    position: int | None
+    side: str
+    meaning: int
+    value: float | None
 
 
 _OF_THE_METRIC = MetricRow._fields[MetricRow._fields.index("position") :]
@@ -81,25 +81,30 @@ def metric_rows(
 
     said: what of SAID is read. studies: runs of guided studies count too.
     """
-    columns = [RUNS.c[name] if name in said or name not in SAID else null() for name in _OF_THE_RUN]
-    asked = _meant(select(*columns), view, recipe, serial).where(_counts(view, serial, studies=studies))
+    of_run = [RUNS.c[name] if name in said or name not in SAID else null() for name in _OF_THE_RUN]
     with view.database.reading() as connection:
-        runs = connection.execute(asked.order_by(RUNS.c.run)).all()
         meanings = meanings_of(connection, view.chain.id, metric=metric)
-        of_metric = _of_meanings(view, meanings).where(METRICS.c.main)
         # All that is read of a metric stands in its index.
-        found = of_metric.with_only_columns(METRICS.c.run, *(METRICS.c[name] for name in _OF_THE_METRIC))
-        metrics: dict[str, list[tuple[Any, ...]]] = {}
-        for run, *row in connection.execute(_of_few(found, [row[0] for row in runs])):
-            metrics.setdefault(run, []).append(tuple(row))
-    rows = []
-    for run in runs:
-        there = metrics.get(run[0])
-        if there is None:
-            rows.append([MetricRow(*run)])
+        together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
+        together &= METRICS.c.meaning.in_(meanings) & METRICS.c.main
+        asked = select(*of_run, *(METRICS.c[name] for name in _OF_THE_METRIC))
+        asked = _meant(asked.select_from(RUNS).outerjoin(METRICS, together), view, recipe, serial)
+        # By the run alone, in which the rows lie already; those of one run are put in order below.
+        asked = asked.where(_counts(view, serial, studies=studies)).order_by(RUNS.c.run)
+        rows = list(map(MetricRow._make, connection.execute(asked).all()))
+    runs: list[list[MetricRow]] = []
+    before = ""
+    for row in rows:
+        if row.run == before:
+            runs[-1] = sorted([*runs[-1], row], key=_position)
         else:
-            rows.append([MetricRow(*run, *one) for one in (there if len(there) == 1 else sorted(there))])
-    return MetricOfRuns(rows, meanings)
+            runs.append([row])
+        before = row.run
+    return MetricOfRuns(runs, meanings)
+
+
+def _position(row: MetricRow) -> int:
+    return -1 if row.position is None else row.position
 
 
 def _of_meanings(view: View, meanings: Collection[int]) -> Select[Any]:
@@ -170,7 +175,7 @@ def values_beside(
     asked = _of_few(asked.where(METRICS.c.side.in_(sides), ~METRICS.c.main), runs)
     if sides:
         with view.database.reading() as connection:
-            for side, run, position, value in connection.execute(asked):
+            for side, run, position, value in connection.execute(asked).all():
                 found[side][run, position] = value
     return found
 

@@ -21,7 +21,7 @@ def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
         heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
     writer.writerow(heads)
     for row in rows:
-        said = (getattr(row.run, name) for name in RUN_COLUMNS)
+        said = (row.cell(name) for name in RUN_COLUMNS)
         cells = [figure_cell(one, style) if isinstance(one, float) else text_cell(one) for one in said]
         for column in columns:
             found = row.values.get(column)

@@ -39,8 +39,8 @@ NEW_FOR_S = 5.0
 LOOP_EVERY_RECORDS = 40
 """Records between two points of the loop on a screen: at 1 kHz 25 points a second."""
 
-LOOK_EVERY_S = 0.08
-"""However many look, the records are read once in this time."""
+LOOK_EVERY_S = 0.04
+"""However many look, the records are read once in this time: pages look together, others when they like."""
 
 READY_EVERY_S = 0.5
 """How often it is looked whether the process of the next run can be started."""
@@ -112,7 +112,7 @@ class Running:
             self._start(options, serial)
 
     def _start(self, options: list[str], serial: str) -> None:
-        words = [*options, "--serial", serial, "--data", str(self._data)]
+        words = [*options, "--serial", serial, "--data", str(self._data), "--no-report"]  # a page asks for one
         try:
             self._data.mkdir(parents=True, exist_ok=True)
             with (self._data / OUTPUT).open("wb") as output:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import signal
 import socket
 import statistics
 import sys
@@ -189,6 +190,7 @@ def main() -> int:
     parser.add_argument("--restarts", type=int, default=8)
     parser.add_argument("--wires-one-in", type=int, default=20, help="one run of so many by processes and sockets")
     asked = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # the server and the browser end with it
     sys.path[:0] = SUPPORT
     from served import prepared  # noqa: PLC0415
 

@@ -37,6 +37,12 @@ from station.web.running import STARTING as IS_STARTING
 from station.web.scanner_test import is_test_code
 from station.web.station import Station
 
+KEPT_FOR_S = 30.0
+"""How long a page whose connection was lost finds itself as it was; after that the browser loads it anew.
+
+A browser that is held up for some seconds must not lose what is being scanned.
+"""
+
 SHORTEST_S = 0.05
 """Between two looks of a page, also of one whose session has ended."""
 
@@ -61,7 +67,7 @@ def add_pages(station: Station) -> None:
     def enter(request: Request) -> Response:
         return HTMLResponse(enter_page(words_for(station, None, request)))
 
-    @ui.page("/", title="lostmotion")
+    @ui.page("/", title="lostmotion", reconnect_timeout=KEPT_FOR_S)
     async def operator(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")

@@ -21,7 +21,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from playwright.sync_api import Page, sync_playwright
+from playwright.sync_api import Browser, Page, sync_playwright
 
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
@@ -103,20 +103,32 @@ def _waits(pid: str) -> bool:
 
 
 @contextmanager
-def operator_page(url: str, password: str) -> Iterator[Page]:
-    """Yield the operator's page with an operator logged in."""
+def started_browser() -> Iterator[Browser]:
+    """Yield Chromium, without a screen."""
     browser_path = shutil.which("chromium") or shutil.which("chromium-browser")
     with sync_playwright() as started:
         browser = started.chromium.launch(executable_path=browser_path, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": 1920, "height": 1080})
-        page.set_default_timeout(LONGEST_S * 1000)
-        page.goto(f"{url}/")
-        page.fill("#name", "the operator")
-        page.fill("#password", password)
-        page.keyboard.press("Enter")
-        page.wait_for_selector(".lm-word")
-        yield page
+        yield browser
         browser.close()
+
+
+def open_page(browser: Browser, url: str, password: str) -> Page:
+    """Return the operator's page in a context of its own, with an operator logged in."""
+    page = browser.new_context(viewport={"width": 1920, "height": 1080}).new_page()
+    page.set_default_timeout(LONGEST_S * 1000)
+    page.goto(f"{url}/")
+    page.fill("#name", "the operator")
+    page.fill("#password", password)
+    page.keyboard.press("Enter")
+    page.wait_for_selector(".lm-word")
+    return page
+
+
+@contextmanager
+def operator_page(url: str, password: str) -> Iterator[Page]:
+    """Yield the operator's page with an operator logged in."""
+    with started_browser() as browser:
+        yield open_page(browser, url, password)
 
 
 def row(title: str, values: list[float]) -> str:

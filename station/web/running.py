@@ -39,8 +39,8 @@ NEW_FOR_S = 5.0
 LOOP_EVERY_RECORDS = 40
 """Records between two points of the loop on a screen: at 1 kHz 25 points a second."""
 
-LOOK_EVERY_S = 0.08
-"""However many look, the records are read once in this time."""
+LOOK_EVERY_S = 0.04
+"""However many look, the records are read once in this time: pages look together, others when they like."""
 
 READY_EVERY_S = 0.5
 """How often it is looked whether the process of the next run can be started."""

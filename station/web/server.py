@@ -111,6 +111,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
+    nicegui.on_shutdown(station.trials.close)
     nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)

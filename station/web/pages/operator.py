@@ -27,6 +27,7 @@ from station.web.bypasses import Bypass, bypasses_now
 from station.web.labels.outbox import Awaited, awaited, is_label
 from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
+from station.web.pages.live import GrowingLoop, Looks
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import (
     ENDINGS,
@@ -46,7 +47,9 @@ from station.web.running import STARTING as IS_STARTING
 from station.web.scanner_test import is_test_code
 from station.web.station import Station
 
-LOOK_EVERY_S = 0.1
+SHORTEST_S = 0.05
+"""Between two looks of a page, also of one whose session has ended."""
+
 SESSION_EVERY_S = 2.0
 SAME_SCAN_S = 2.0
 """A code that comes twice within this is one scan, unless the first was refused."""
@@ -62,6 +65,7 @@ RETEST_REASONS = ("seating of the unit", "result not decidable", "technician ask
 
 def add_pages(station: Station) -> None:
     """Add the pages to the running application."""
+    looks = Looks(station.running)
 
     @ui.page("/enter")
     def enter(request: Request) -> Response:
@@ -71,7 +75,7 @@ def add_pages(station: Station) -> None:
     async def operator(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        _Page(station, session, words_for(station, session, request)).build()
+        _Page(station, session, words_for(station, session, request), looks).build()
         return None
 
 
@@ -112,10 +116,9 @@ def _is_label(station: Station, text: str) -> bool:
 class _Page:
     """One open page. It shows what the bench does, and keeps nothing but what was scanned last."""
 
-    def __init__(self, station: Station, session: Session, say: Words) -> None:
-        self._station, self._session, self._words = station, session, say
+    def __init__(self, station: Station, session: Session, say: Words, looks: Looks) -> None:
+        self._station, self._session, self._words, self._looks = station, session, say, looks
         self._shown: tuple[Any, ...] = ()
-        self._points = -1
         self._scan = ("", 0.0, "")
         self._session_seen = 0.0
         self._awaited = False
@@ -124,7 +127,8 @@ class _Page:
 
     def build(self) -> None:
         """Lay the page out."""
-        ui.add_body_html(f"<script>{(HERE / 'scan.js').read_text(encoding='utf-8')}</script>")
+        for name in ("scan.js", "live.js"):
+            ui.add_body_html(f"<script>{(HERE / name).read_text(encoding='utf-8')}</script>")
         self._clock = bar(self._station, self._session, "bench", self._words)
         with ui.element("main").classes("lm-main"):
             with ui.element("section").classes("lm-left"):
@@ -138,11 +142,10 @@ class _Page:
                 self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
             with ui.element("section").classes("lm-right"):
                 self._figures = ui.html(sanitize=False).classes("lm-figures")
-                self._chart = (
-                    ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
-                )
+                chart = ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
+                self._loop = GrowingLoop(chart)
         ui.on("scan", self._scanned)
-        ui.timer(LOOK_EVERY_S, self._look)
+        ui.timer(SHORTEST_S, self._look)  # the look that it waits for keeps the time
 
     async def _look(self) -> None:
         if time.monotonic() - self._session_seen > SESSION_EVERY_S:
@@ -156,9 +159,9 @@ class _Page:
             self._label.set_text("" if label is None else self._words(str(label)))
             self._label.set_visibility(label is not None)
             self._session_seen = time.monotonic()
-        now = await asyncio.to_thread(self._station.running.now)
+        now = await self._looks.next()
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
-        self._show_loop(now)
+        self._loop.show(now)
         view = now.view
         left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)
         what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited)
@@ -189,13 +192,6 @@ class _Page:
             f'<div class="lm-do">{escape(self._words(state or to_do))}</div>'
         )
         self._why.set_content(_why(now, self._words))
-
-    def _show_loop(self, now: Now) -> None:
-        if len(now.loop) == self._points:
-            return
-        self._points = len(now.loop)
-        self._chart.options["series"][0]["data"] = [list(point) for point in now.loop]
-        self._chart.update()
 
     async def _scanned(self, event: Any) -> None:
         text, settings = str(event.args.get("text", "")), self._station.settings

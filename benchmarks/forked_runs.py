@@ -1,0 +1,153 @@
+"""`python -m benchmarks.forked_runs DATA`: a station whose runs are forks of one loaded process, for thousands of them.
+
+To load what a run needs takes seconds of processor time, in which the page and the server do nothing. Here a process
+loads it once and forks for each unit: a run in virtual time, and one of every N by its own processes and sockets, as
+fast as the bench allows. Server, page, record and verdict are those of `lostmotion serve`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+FORKS = "--forks"
+REAP_EVERY_S = 1.0
+FAILED = 70
+
+
+class Forked:
+    """A run that was forked: as much of a `subprocess.Popen` as the server asks for."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid, self._handle = pid, os.pidfd_open(pid)
+        self._over = False
+
+    def poll(self) -> int | None:
+        """Return 0 when it has ended, None before: nobody asks how."""
+        if not self._over and select.select([self._handle], [], [], 0.0)[0]:
+            os.close(self._handle)
+            self._over = True
+        return 0 if self._over else None
+
+
+class ForkedRuns:
+    """Takes the place of `station.run.next_run.NextRun`: what waits is a process that forks."""
+
+    one_in = 20
+    """One run of so many is by its own processes and sockets."""
+
+    def __init__(self) -> None:
+        self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs:
+            command = [sys.executable, "-m", "benchmarks.forked_runs", FORKS, str(theirs.fileno())]
+            self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))  # noqa: S603
+        self._orders.recv(1)  # it has loaded all
+        self._count = 0
+
+    def get_ready(self, recipe: str = "", bench: str = "") -> None:
+        """Do nothing: what forks stays ready."""
+
+    def start(self, options: Sequence[str], *, stdout: int, stderr: int) -> Forked:
+        """Fork for a run with these options."""
+        self._count += 1
+        how = ("--pace", "fast") if self._count % self.one_in == 0 else ("--virtual-time",)
+        order = json.dumps(["run", *options, *how]).encode()
+        with Path(os.devnull).open("rb") as nothing:
+            socket.send_fds(self._orders, [order], [nothing.fileno(), stdout, stderr])
+            return Forked(int(self._orders.recv(64)))
+
+    def close(self) -> None:
+        """End what forks."""
+        self._orders.close()
+        self._process.wait()
+
+
+def fork_for_orders(handle: int) -> None:
+    """Load what a run needs, and fork for each order until the server is gone."""
+    import station.run.virtual_run  # noqa: PLC0415
+    from station.cli.measure import standby  # noqa: PLC0415
+
+    standby.load()
+    assert station.run.virtual_run  # noqa: S101 - loaded with the rest
+    for one in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(one, signal.SIG_IGN)  # it ends when the server does
+    with socket.socket(fileno=handle) as orders:
+        orders.send(b".")
+        while True:
+            while not select.select([orders], [], [], REAP_EVERY_S)[0]:
+                _reap()
+            order, handles, _, _ = socket.recv_fds(orders, 1 << 17, 3)
+            if not order:
+                return
+            if (pid := os.fork()) == 0:
+                orders.close()
+                _be_run(json.loads(order), handles)
+            for one in handles:
+                os.close(one)
+            orders.send(str(pid).encode())
+            _reap()
+
+
+def _reap() -> None:
+    try:
+        while os.waitpid(-1, os.WNOHANG)[0]:
+            pass
+    except ChildProcessError:
+        return
+
+
+def _be_run(words: list[str], handles: list[int]) -> None:
+    """Become the run, in a session of its own, as the server starts it."""
+    code = FAILED
+    try:
+        os.setsid()
+        for one in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(one, signal.default_int_handler if one == signal.SIGINT else signal.SIG_DFL)
+        for target, given in enumerate(handles):
+            os.dup2(given, target)
+            os.close(given)
+        sys.stdin, sys.stdout, sys.stderr = (
+            os.fdopen(target, mode, closefd=False) for target, mode in enumerate(("r", "w", "w"))
+        )
+        sys.argv = ["lostmotion", *words]
+        from station.cli import main  # noqa: PLC0415
+
+        try:
+            main()
+        except SystemExit as end:
+            code = end.code if isinstance(end.code, int) else FAILED
+        sys.stdout.flush()
+        sys.stderr.flush()
+    finally:
+        os._exit(code)  # a child never returns to the one that forks
+
+
+def main() -> None:
+    """Serve a data folder with forked runs, or be what forks."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("data", type=Path, nargs="?")
+    parser.add_argument("--port", type=int, default=0)
+    parser.add_argument("--wires-one-in", type=int, default=ForkedRuns.one_in)
+    parser.add_argument(FORKS, type=int, metavar="HANDLE", help=argparse.SUPPRESS)
+    asked = parser.parse_args()
+    if asked.forks is not None:
+        fork_for_orders(asked.forks)
+        return
+    from station.web import running  # noqa: PLC0415
+    from station.web.server import Served, serve  # noqa: PLC0415
+
+    ForkedRuns.one_in = asked.wires_one_in
+    running.NextRun = ForkedRuns  # type: ignore[misc, assignment]
+    serve(Served(asked.data, "127.0.0.1", asked.port))
+
+
+if __name__ == "__main__":
+    main()

@@ -25,6 +25,9 @@ NOWHERE = Mark(0, 0, 0, 0)
 """Place of what stands in no file."""
 EXAMPLE = "stiffness_at torque=50% branch=load"
 
+CHOICES = ("branch", "side", "torque", "band", "variant", "fit")
+"""Options of a metric that are part of its definition."""
+
 
 class Selection(NamedTuple):
     """Name of a preset, and texts of single metrics as `read_metric` reads them; nothing: the recipe's own."""
@@ -60,10 +63,9 @@ def selected(recipe: Recipe, selection: Selection = OWN) -> list[MetricWanted]:
     if not selection.made:
         return [metric for _, metric in recipe.wanted()]
     reference_nm = recipe.measurement.reference_torque_nm
-    percentages = {RATED: recipe.unit_under_test.rated_torque_nm, REFERENCE: reference_nm}
     single: dict[tuple[object, ...], MetricWanted] = {}
     for text in selection.metrics:
-        metric = read_metric(text, PLACE, percentages)
+        metric = read_alone(text, PLACE, recipe)
         key = metric.key(reference_nm)
         if key in single:
             raise twice(text, PLACE)
@@ -78,6 +80,17 @@ def left_out(recipe: Recipe, selection: Selection) -> list[str]:
     """Name the metrics that the recipe has limits for and that are not among the chosen ones."""
     judged = [id(one) for one in selected(recipe, selection)]
     return [one.id for one in recipe.metrics if one.limited and id(one) not in judged]
+
+
+def read_alone(text: str, place: str, recipe: Recipe) -> MetricWanted:
+    """Return the metric that a text asks for beside a recipe, whose torques are 100 %; RecipeError as `read_metric`."""
+    reference_nm = recipe.measurement.reference_torque_nm
+    return read_metric(text, place, {RATED: recipe.unit_under_test.rated_torque_nm, REFERENCE: reference_nm})
+
+
+def written_options(text: str) -> dict[str, str]:
+    """Return the id and the options of a text that `read_metric` reads, as they are written."""
+    return dict(_options(text))
 
 
 def read_metric(text: str, place: str, percentages: Mapping[str, float]) -> MetricWanted:

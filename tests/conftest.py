@@ -53,6 +53,7 @@ else:
 def pytest_collection_finish() -> None:
     """Leave what is loaded out of every later collection of garbage, here and in the processes that tests fork."""
     gc.freeze()
+    gc.set_threshold(50_000, 20, 20)  # a fortieth of the processor's time, otherwise
 
 
 def pytest_sessionfinish() -> None:

@@ -33,6 +33,7 @@ from station.cli.studies import model_commands as cli_models
 from station.cli.studies.commands import study_app
 from station.cli.web import commands as cli_web
 from station.cli.web.accounts_commands import recipes_app, users_app
+from station.cli.web.bypass_commands import bypass_app
 from station.cli.web.labels_commands import labels_app
 from station.errors import BenchFaultError
 from station.plain_text import never_crash
@@ -102,6 +103,7 @@ COMMANDS: dict[str, dict[str, Callable[..., None] | typer.Typer]] = {
         "serve": cli_web.serve,
         "recipes": recipes_app,
         "users": users_app,
+        "bypass": bypass_app,
         "audit": cli_web.audit_app,
         "labels": labels_app,
         "opcua": opcua_app,

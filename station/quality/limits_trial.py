@@ -13,11 +13,11 @@ from analysis.evaluation.verdict import Verdict, check_limits, judge, worst
 from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.scatter import USUAL
-from definitions.metrics import METRICS
 from recipes import Recipe, parse_recipe
 from recipes.editing import changed
 from recipes.text.yaml_source import read_bytes
 from station.errors import StationError
+from station.quality.recipe_change import change_of, changed_recipe, definition_of, place_of
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision
 from station.records.revisions.writing import save_draft
@@ -30,11 +30,20 @@ LEAST_VALUES = 10
 """Values from which on a process is told from its sample."""
 
 
+class Spread(NamedTuple):
+    """Mean and true standard deviation of a process, and u of its values; nan where it is not known."""
+
+    mean: float
+    sd_process: float
+    u: float
+
+
 @dataclass(frozen=True, slots=True)
 class SideRisks:
     """Wrong decisions on one side before and after, for a normal process of this mean and true spread.
 
-    why: why they cannot be told, in words; then both are None.
+    why: why they cannot be told, in words; then both are None. on_trial: process and u by another definition, where
+    one is on trial; without one only the rule differs.
     """
 
     side: str
@@ -44,11 +53,16 @@ class SideRisks:
     before: Risks | None
     after: Risks | None
     why: str = ""
+    on_trial: Spread | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """What new limits do to a lot: verdicts of runs before and after, those that flip, and the risks of each side."""
+    """What new limits do to a lot: verdicts of runs before and after, those that flip, and the risks of each side.
+
+    definition: the other one that was tried, '' for none. not_evaluated: runs that could not be evaluated by it, each
+    with why; evaluated: how many were now, and known: how many had been before.
+    """
 
     lot: Lot
     metric: Characteristic
@@ -60,13 +74,18 @@ class Trial:
     flipped: tuple[Flip, ...]
     flips: int
     risks: tuple[SideRisks, ...]
+    definition: str = ""
+    not_evaluated: tuple[tuple[str, str], ...] = ()
+    evaluated: int = 0
+    known: int = 0
 
 
 @dataclass(frozen=True, slots=True)
 class Tried:
     """What is tried: limits (None keeps the one that is, nan takes it away), and the guard band as a multiple of U.
 
-    guard_factor: 0 is the simple rule; None keeps the rule.
+    guard_factor: 0 is the simple rule; None keeps the rule. definition: another one of the metric, as `definition_of`
+    reads it; '' keeps the one that is.
     """
 
     metric: str
@@ -74,6 +93,7 @@ class Tried:
     limit_min: float | None = None
     limit_max: float | None = None
     guard_factor: float | None = None
+    definition: str = ""
 
 
 def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20) -> Trial:
@@ -81,11 +101,11 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
 
     most: runs that flip which are named. Raises StationError for a lot without valid runs, a metric that it lacks, one
     whose verdict depends on its spread over cycles too, or nothing that is tried; AnalysisError for limits that exclude
-    each other; RecipeError for a record whose recipe cannot be read.
+    each other; RecipeError for a record whose recipe cannot be read. Another definition is tried by `definition_trial`.
     """
     lot = production.one_recipe(lot)
     what = characteristic(production, lot, tried.metric, tried.branch)
-    run, before, after = rules_of(production, lot, what, tried)
+    run, before, after, _ = rules_of(production, lot, what, tried)
     check_limits(what.name, after.limit_min, after.limit_max)
     counts = flips(production, lot, what, after)
     changing = sum(number for (was, new), number in counts.items() if was != new)
@@ -99,7 +119,7 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
         tuple((was, new, number) for (was, new), number in counts.items()),
         tuple(flips_with_reasons(production, lot, what, after, most)),
         changing,
-        tuple(_side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
+        tuple(side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
     )
 
 
@@ -145,11 +165,12 @@ def _of_side(one: TriedSide, verdict: Verdict, limit: str, what: Characteristic,
 
 
 class Rules(NamedTuple):
-    """The newest run of a lot, the rule of its recipe, and the one that is tried."""
+    """The newest run of a lot, the rule of its recipe, the one that is tried, and that recipe."""
 
     run: str
     before: Rule
     after: Rule
+    recipe: Recipe
 
 
 def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Tried) -> Rules:
@@ -162,7 +183,7 @@ def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Trie
     run = newest_run(production, lot)
     recipe = _recipe(production.chain.data, run)
     spread = [one for one in recipe.metrics if one.id == what.metric and one.max_standard_deviation is not None]
-    if spread:
+    if spread and not tried.definition:
         raise StationError(
             f"{what.name}: the recipe also limits the standard deviation over cycles of this metric, which the store "
             "of runs does not have. Evaluate the runs with 'lostmotion analyze --recipe'"
@@ -174,11 +195,18 @@ def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Trie
         _limit(tried.limit_max, what.limit_max),
         guard if tried.guard_factor is None else (tried.guard_factor or None),
     )
-    if after == before:
+    if after == before and not (tried.definition and _differs(recipe, what.metric, tried.definition)):
         raise StationError(
-            "the limits to try are those of the recipe. Give --min, --max or --guard-factor another value"
+            "what is to be tried is what the recipe has. Give another limit, another guard band or another definition"
         )
-    return Rules(run, before, after)
+    return Rules(run, before, after, recipe)
+
+
+def _differs(recipe: Recipe, metric: str, definition: str) -> bool:
+    """Return whether a definition is another one than that of the recipe."""
+    reference_nm = recipe.measurement.reference_torque_nm
+    wanted, _ = definition_of(recipe, metric, definition)
+    return wanted.key(reference_nm) != recipe.metrics[place_of(recipe, metric)].key(reference_nm)
 
 
 def _limit(tried: float | None, there: float | None) -> float | None:
@@ -187,33 +215,49 @@ def _limit(tried: float | None, there: float | None) -> float | None:
     return None if math.isnan(tried) else tried
 
 
+def recipe_of(production: Production, lot: Lot) -> Recipe:
+    """Return the recipe of the newest run of a lot; StationError where there is none, RecipeError of that recipe."""
+    return _recipe(production.chain.data, newest_run(production, lot))
+
+
 def _recipe(data: Path, run: str) -> Recipe:
     path = RunRecord(data / run).folder / "recipe.yaml"
     return parse_recipe(read_bytes(path), str(path))
 
 
-def _side_risks(side: str, rows: Sequence[ValueRow], before: Rule, after: Rule) -> SideRisks:
-    """Return the risks of a side: the spread of the values is that of the process and of the measuring together."""
+def side_risks(
+    side: str, rows: Sequence[ValueRow], before: Rule, after: Rule, tried: Sequence[ValueRow] | None = None
+) -> SideRisks:
+    """Return the risks of a side: the spread of the values is that of the process and of the measuring together.
+
+    tried: its values by another definition, which the rule after is for; None: the same values.
+    """
+    now, of_now, why = _risks_of(rows, before)
+    then, of_then, why_then = _risks_of(rows if tried is None else tried, after)
+    why = why or why_then
+    if why:
+        of_now = of_then = None
+    return SideRisks(side, *now, of_now, of_then, why, None if tried is None else then)
+
+
+def _risks_of(rows: Sequence[ValueRow], rule: Rule) -> tuple[Spread, Risks | None, str]:
+    """Return the process that values are of and its risks under a rule, or why there are none."""
     expanded = [row.uncertainty for row in rows if row.uncertainty is not None]
     uncertain = [row.uncertainty / (row.coverage_factor or USUAL.factor) for row in rows if row.uncertainty is not None]
     numbers = [row.value for row in rows]
+    mean = sum(numbers) / len(numbers) if numbers else math.nan
     if len(numbers) < LEAST_VALUES or len(uncertain) < len(numbers):
-        return SideRisks(side, math.nan, math.nan, math.nan, None, None, f"needs {LEAST_VALUES} values with U")
-    mean = sum(numbers) / len(numbers)
+        return Spread(mean, math.nan, math.nan), None, f"needs {LEAST_VALUES} values with U"
     variance = sum((one - mean) ** 2 for one in numbers) / (len(numbers) - 1)
     u, whole = (math.sqrt(sum(one**2 for one in some) / len(some)) for some in (uncertain, expanded))
     if not variance > u**2 > 0.0:
-        return SideRisks(side, mean, math.nan, u, None, None, "the values scatter no more than U explains")
-    sd = math.sqrt(variance - u**2)
+        return Spread(mean, math.nan, u), None, "the values scatter no more than U explains"
+    found = Spread(mean, math.sqrt(variance - u**2), u)
     try:
-        process = normal_process(mean, sd)
-        now, then = (
-            risks(process, one.limit_min, one.limit_max, u, whole * (one.guard_factor or 0.0))
-            for one in (before, after)
-        )
+        process = normal_process(mean, found.sd_process)
+        return found, risks(process, rule.limit_min, rule.limit_max, u, whole * (rule.guard_factor or 0.0)), ""
     except AnalysisError as error:
-        return SideRisks(side, mean, sd, u, None, None, str(error))
-    return SideRisks(side, mean, sd, u, now, then)
+        return found, None, str(error)
 
 
 def draft_of(data: Path, found: Trial, person: str) -> Revision:
@@ -234,30 +278,11 @@ def draft_text(data: Path, found: Trial) -> bytes:
     path = RunRecord(data / found.recipe_run).folder / "recipe.yaml"
     content = read_bytes(path)
     recipe = parse_recipe(content, str(path))
-    places = [place for place, one in enumerate(recipe.metrics) if one.id == found.metric.metric]
-    if len(places) != 1:
-        raise StationError(
-            f"run {found.recipe_run}: its {path.name} has {len(places)} entries of {found.metric.metric} under "
-            "'metrics'; expected exactly one. Change the limits by hand on the page Recipes"
-        )
-    for name in ("limit_min", "limit_max"):
-        now, new = getattr(found.before, name), getattr(found.after, name)
-        if now != new:
-            option = ("metrics", places[0], name.removeprefix("limit_"))
-            content = changed(content, option, "" if new is None else _with_unit(found.metric.metric, new))
-    if found.after.guard_factor != found.before.guard_factor:
-        factor = found.after.guard_factor
-        if factor is None:
-            content = changed(content, ("decision", "guard_factor"), "")
-        content = changed(content, ("decision", "rule"), "simple" if factor is None else "guard_band")
-        if factor is not None:
-            content = changed(content, ("decision", "guard_factor"), f"{factor:g}")
+    metric = found.metric.metric
+    definition = definition_of(recipe, metric, found.definition)[1] if found.definition else ()
+    change = change_of(metric, found.before, found.after, definition)
+    content = changed_recipe(content, change, f"run {found.recipe_run}: {path.name}")
     revision = max(History(data).next_revision(recipe.recipe.name), recipe.recipe.revision + 1)
     content = changed(content, ("recipe", "revision"), str(revision))
     parse_recipe(content, str(path))
     return content
-
-
-def _with_unit(metric: str, value: float) -> str:
-    unit = METRICS[metric].unit
-    return f"{value:.10g}" if unit in ("", "1") else f"{value:.10g} {unit}"

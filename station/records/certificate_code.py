@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from station.atomic_file import open_file, refused
-from station.documents.manifest import MANIFEST, Manifest
+from station.documents.manifest import MANIFEST, Manifest, attempt_text
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import SEALED, Entry
@@ -100,6 +100,13 @@ def check_code(data: Path, text: str) -> CheckedCode:
     if sha256 != _hash(run):
         return _said(known, ALTERED, "The hash on the certificate is not that of the record: one of the two is forged.")
     return _said(known, GENUINE, "The record is as it was when the run was concluded. Compare what the paper says.")
+
+
+def attempts_of(found: CheckedCode) -> str:
+    """Return which attempt a run was, and what became of those before as far as its record is here; '' for none."""
+    if found.attempt is None:
+        return ""
+    return attempt_text(found.attempt, None if found.manifest is None else found.manifest.before, None)
 
 
 def _said(known: CheckedCode, standing: str, text: str) -> CheckedCode:

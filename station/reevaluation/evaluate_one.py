@@ -23,7 +23,9 @@ from station.archive.settings import ArchiveSettings
 from station.archive.trace_rows import rows_in, trace_in
 from station.documents.archived import TraceFacts
 from station.documents.manifest import MANIFEST
+from station.documents.result import MetricValue
 from station.errors import StationError
+from station.quality.recipe_change import RecipeChange, changed_recipe, place_of
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, fingerprint
 from station.records.timing_proof import facts_of_counts
@@ -60,8 +62,21 @@ class Job:
 
 
 @dataclass(frozen=True)
+class SideOutcome:
+    """A side of the metric whose definition is on trial; coverage_factor: the k of its U = k·u."""
+
+    side: str
+    value: float | None
+    uncertainty: float | None
+    coverage_factor: float | None = None
+
+
+@dataclass(frozen=True)
 class MetricOutcome:
-    """A metric as it was evaluated, on the side that it goes by; limited: whether it has a limit, and decides."""
+    """A metric as it was evaluated, on the side that it goes by; limited: whether it has a limit, and decides.
+
+    sides: of the metric that a question changes; none of any other.
+    """
 
     id: str
     branch: str
@@ -70,6 +85,7 @@ class MetricOutcome:
     uncertainty: float | None
     verdict: str | None
     limited: bool = True
+    sides: tuple[SideOutcome, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -103,18 +119,24 @@ def evaluate_one(job: Job, question: Question) -> Outcome:
 
 def _outcome(job: Job, question: Question) -> Outcome:
     try:
-        found, recipe = _from_trace(job, question) if job.trace_sha256 else _from_record(job, question)
+        found, recipe, own_bytes = _from_trace(job, question) if job.trace_sha256 else _from_record(job, question)
     except (StationError, RecipeError, AnalysisError, OSError) as error:
         return Outcome(job.run, error=str(error) or type(error).__name__, software=software_key())
     judged = judged_by_selection(judged_in(found), recipe, question.selection)
-    metrics = tuple(
-        MetricOutcome(one.id, one.branch, one.side, one.value, one.uncertainty, one.verdict, bool(one.limits))
-        for one in judged.metrics
-    )
+    place = None if question.change is None else place_of(_recipe(own_bytes), question.change.metric)
+    metrics = tuple(_metric_outcome(one, tried=number == place) for number, one in enumerate(judged.metrics))
     return Outcome(job.run, judged.verdict, judged.reasons, metrics, software=software_key())
 
 
-def _from_record(job: Job, question: Question) -> tuple[Found, Recipe]:
+def _metric_outcome(one: MetricValue, *, tried: bool) -> MetricOutcome:
+    sides = tuple(
+        SideOutcome(name, side.value, side.uncertainty, one.coverage_factor) for name, side in one.sides.items()
+    )
+    said = (one.id, one.branch, one.side, one.value, one.uncertainty, one.verdict, bool(one.limits))
+    return MetricOutcome(*said, sides if tried else ())
+
+
+def _from_record(job: Job, question: Question) -> tuple[Found, Recipe, bytes]:
     """Evaluate the whole record, from its folder or from the archive; every file and every scan of it is checked."""
     with _record(job) as run:
         own_bytes, bench_bytes = ((run.folder / f"{part}.yaml").read_bytes() for part in ("recipe", "bench"))
@@ -125,7 +147,7 @@ def _from_record(job: Job, question: Question) -> tuple[Found, Recipe]:
     recipe, other = _asked(question, own, own_bytes, job.run)
     objections = objections_to_bench(recipe, bench, day) if other else []
     facts = facts_of_counts(counts, recorded.period_ns, recipe.sampling)
-    return evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, question.selection), recipe
+    return evaluate_trace(trace, recipe, bench, [*broken, *objections], facts, question.selection), recipe, own_bytes
 
 
 @contextmanager
@@ -153,7 +175,7 @@ def _sha256(path: Path) -> str:
     return fingerprint(path).sha256 if path.is_file() else ""
 
 
-def _from_trace(job: Job, question: Question) -> tuple[Found, Recipe]:
+def _from_trace(job: Job, question: Question) -> tuple[Found, Recipe, bytes]:
     """Evaluate the trace of the archive, whose facts name the run.json that it was made of."""
     place = _place(job.archive)
     with place.opened(job.object) as stream:
@@ -169,7 +191,8 @@ def _from_trace(job: Job, question: Question) -> tuple[Found, Recipe]:
     recipe, other = _asked(question, own, own_bytes, job.run)
     objections = objections_to_bench(recipe, bench, date.fromisoformat(facts.day)) if other else []
     recorded = facts_of_counts(facts.counts, facts.period_ns, recipe.sampling)
-    return evaluate_trace(trace, recipe, bench, [*facts.objections, *objections], recorded, question.selection), recipe
+    found = evaluate_trace(trace, recipe, bench, [*facts.objections, *objections], recorded, question.selection)
+    return found, recipe, own_bytes
 
 
 def _check_facts(job: Job, facts: TraceFacts) -> None:
@@ -182,11 +205,18 @@ def _check_facts(job: Job, facts: TraceFacts) -> None:
 
 def _asked(question: Question, own: Recipe, own_bytes: bytes, run: str) -> tuple[Recipe, bool]:
     """Return the recipe that a run is evaluated by, and whether anything is other than it was."""
+    if question.change is not None:
+        return _recipe(_changed(own_bytes, question.change)), True
     if not question.recipe:
         return own, question.selection.made
     recipe = _recipe(question.recipe)
     check_recipe_fits(recipe, Path(question.recipe_file), own, run)
     return recipe, question.selection.made or question.recipe != own_bytes
+
+
+@lru_cache(MOST_RECIPES)
+def _changed(content: bytes, change: RecipeChange) -> bytes:
+    return changed_recipe(content, change)
 
 
 @lru_cache(MOST_RECIPES)

@@ -93,6 +93,23 @@ def jobs_of(
         return _of_archive(data, where, note, archive, whole_record=whole_record)
     with production(data) as look:
         rows = look.connection.execute(_asked(look, where)).tuples().all()
+    return _placed(data, rows, note, archive, whole_record=whole_record)
+
+
+def jobs_for(data: Path, rows: Sequence[tuple[str, str, str, str]], archive: ArchiveSettings | None) -> Wanted:
+    """Return a job for each of some runs that reads its trace, where the archive has it, or else its record.
+
+    rows: id, serial number, SHA-256 of the run.json and verdict of each.
+    """
+    note = read_note(data) if archive is not None else Note()
+    return _placed(data, rows, note, archive, whole_record=False)
+
+
+def _placed(
+    data: Path, rows: Sequence[tuple[str, str, str, str]], note: Note, archive: ArchiveSettings | None, *,
+    whole_record: bool,
+) -> Wanted:  # fmt: skip
+    """Return a job for each run at the place where it is read."""
     found = Wanted([], {})
     for run, serial, sha256, verdict in rows:
         address = note.runs.get(run)

@@ -4,6 +4,7 @@
 |---|---|---|
 | limits | value and U, from the store | a statement of SQL for all |
 | metrics | the trace: eight channels | an evaluation |
+| a change of one metric in each run's own recipe | the trace: eight channels | an evaluation |
 | recipe | the whole record, every scan of which is checked | reading it, and an evaluation |
 """
 
@@ -18,6 +19,7 @@ from typing import Any, NamedTuple
 from recipes import OWN, PRESETS, Recipe, RecipeError, Selection, check_alone, find_recipe, parse_recipe
 from recipes.text.yaml_source import read_bytes
 from station.errors import StationError
+from station.quality.recipe_change import RecipeChange
 
 LIMIT_OPTIONS = ("branch", "min", "max", "guard")
 
@@ -31,12 +33,13 @@ class Question:
     """What every run is evaluated by.
 
     recipe: bytes of another recipe, b'' for the run's own; recipe_file: where it stands. selection: metrics that are
-    reported instead of the recipe's.
+    reported instead of the recipe's. change: what is changed in the run's own recipe.
     """
 
     recipe: bytes = b""
     recipe_file: str = ""
     selection: Selection = OWN
+    change: RecipeChange | None = None
 
     @property
     def whole_record(self) -> bool:
@@ -47,13 +50,15 @@ class Question:
     def text(self) -> str:
         """The question for a person."""
         parts = [f"recipe {Path(self.recipe_file).name}"] if self.recipe else []
+        parts += [] if self.change is None else [self.change.text]
         return ", ".join([*parts, *self.selection.parts])
 
     @property
     def hash(self) -> str:
         """Hash of what decides, wherever the file stands."""
         recipe = hashlib.sha256(self.recipe).hexdigest() if self.recipe else None
-        return _hash({"recipe": recipe, "preset": self.selection.preset, "metrics": list(self.selection.metrics)})
+        said = {"recipe": recipe, "preset": self.selection.preset, "metrics": list(self.selection.metrics)}
+        return _hash(said if self.change is None else said | {"change": self.change._asdict()})
 
 
 class LimitsQuestion(NamedTuple):

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from station.archive.settings import ArchiveSettings
 from station.reevaluation.evaluate_one import Job, Outcome, software_key
-from station.reevaluation.jobs import Where, jobs_of
+from station.reevaluation.jobs import Wanted, Where, jobs_of
 from station.reevaluation.ledger import LedgerLine, open_ledger
 from station.reevaluation.limits_by_sql import limits_outcomes
 from station.reevaluation.on_ray import evaluate_on
@@ -58,6 +58,10 @@ class Reevaluated:
         """Runs that were evaluated now."""
         return len(self.lines) - self.known
 
+    def count_death(self, _job: Job) -> None:
+        """Count a process that died in the middle of a run."""
+        self.died += 1
+
     def changes(self) -> Counter[tuple[str, str]]:
         """Return how many runs go from which verdict to which."""
         return Counter((line.before, line.after) for line in self.lines)
@@ -85,14 +89,37 @@ def ask_of_runs(
         StationError: the runs, the archive or the cluster cannot be reached, or another process asks the same.
 
     """
+
+    def asked(found: Reevaluated) -> tuple[list[Job], Evaluating]:
+        return _asked(data, question, where, means, found)
+
+    return _ask(data, question, asked, told)
+
+
+def ask_of_jobs(data: Path, question: Question, wanted: Wanted, workers: int, told: Told) -> Reevaluated:
+    """Ask a question of some runs on this computer; workers: processes. Otherwise as `ask_of_runs`."""
+
+    def asked(found: Reevaluated) -> tuple[list[Job], Evaluating]:
+        found.failed |= wanted.unreadable
+        return wanted.jobs, lambda jobs: evaluate_here(jobs, question, workers, found.count_death)
+
+    return _ask(data, question, asked, told)
+
+
+Asking = Callable[[Reevaluated], "tuple[list[Job], Evaluating]"]
+
+
+def _ask(data: Path, question: Question | LimitsQuestion, asked: Asking, told: Told) -> Reevaluated:
+    """Evaluate the jobs that have no line in the ledger of a question yet."""
     begun = time.monotonic()
     found = Reevaluated(question.text, question.hash, software_key(), data)
     with open_ledger(data, question.hash, question.text) as ledger:
         found.ledger = ledger.path
-        jobs, evaluated = _asked(data, question, where, means, found)
+        jobs, evaluated = asked(found)
         todo = [job for job in jobs if not ledger.has(job, found.software)]
         found.known = len(jobs) - len(todo)
         done = found.known
+        told(done, len(jobs))
         for job, outcome in evaluated(todo):
             found.processor_s += outcome.processor_s
             error = outcome.error or _other_software(outcome, found.software)
@@ -132,9 +159,6 @@ def _asked(
         answers = {job.run: outcome for job, outcome in outcomes}
         return [job for job, _ in outcomes], lambda jobs: ((job, answers[job.run]) for job in jobs)
 
-    def died(_job: Job) -> None:
-        found.died += 1
-
     far = means.cluster is not None
     if far and means.archive is None:
         raise ReevaluationError(
@@ -146,5 +170,6 @@ def _asked(
     found.failed |= wanted.unreadable
     if means.cluster is not None:
         address = means.cluster
+        died = found.count_death
         return wanted.jobs, lambda jobs: evaluate_on(address, jobs, question, means.workers, died) if jobs else iter(())
-    return wanted.jobs, lambda jobs: evaluate_here(jobs, question, means.workers, died)
+    return wanted.jobs, lambda jobs: evaluate_here(jobs, question, means.workers, found.count_death)

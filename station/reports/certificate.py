@@ -12,7 +12,7 @@ from reportlab.graphics.barcode.qr import QrCodeWidget
 from reportlab.graphics.shapes import Drawing
 
 from recipes import RecipeError, load_document
-from station.documents.manifest import Manifest
+from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import MetricValue, Result
 from station.errors import RecordError
 from station.records.certificate_code import CERTIFICATE, code_of
@@ -109,8 +109,7 @@ def _heads(data: Path) -> CertificateFile:
 
 
 def _facts(heads: CertificateFile, manifest: Manifest, result: Result) -> tuple[tuple[str, str], ...]:
-    attempt = manifest.attempt
-    again = f", attempt {attempt}" if attempt > 1 else ""
+    again = f", {attempt_text(manifest.attempt, manifest.before, None)}" if manifest.attempt > 1 else ""
     return (
         ("Customer", "\n".join(heads.customer)),
         ("Order", heads.order),

@@ -13,6 +13,7 @@ from rich.table import Table
 from rich.text import Text
 
 from station.documents.entries import left_out
+from station.documents.manifest import attempt_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.run_record import RunRecord
@@ -24,6 +25,9 @@ GAP = 2
 
 WIDE = ("run", "serial", "attempt", "recipe", "state", "verdict", "scans")
 NARROW = ("run", "recipe", "result")
+BEFORE = "attempts before"
+"""Column of a list with a unit that was measured again."""
+
 """The run id ends with the serial number, and a verdict says that a run is complete."""
 
 RIGHT = ("attempt", "scans")
@@ -33,6 +37,7 @@ RIGHT = ("attempt", "scans")
 class RunRow:
     """A run in the list; None for what nobody knows of it.
 
+    attempts: which one it is and what became of those before, in words.
     scanning: process id of its scan process. altered: why it is not as it was when it was concluded. error: what is
     wrong with a run.json that cannot be read.
     """
@@ -40,6 +45,7 @@ class RunRow:
     run: str
     serial: str | None = None
     attempt: int | None = None
+    attempts: str | None = None
     recipe: str | None = None
     revision: int | None = None
     started: str | None = None
@@ -57,7 +63,8 @@ def print_runs(console: Console, rows: Sequence[RunRow], *, fits: bool) -> None:
     On a terminal that is too narrow for a table too, a run takes two lines.
     """
     cells = [_cells(one) for one in rows]
-    for columns in (WIDE, NARROW):
+    again = (BEFORE,) if any(one[BEFORE].plain for one in cells) else ()
+    for columns in ((*WIDE, *again), (*NARROW, *again)):
         width = _width(cells, columns)
         if not fits or width <= console.width:
             console.width = max(console.width, width)
@@ -65,7 +72,9 @@ def print_runs(console: Console, rows: Sequence[RunRow], *, fits: bool) -> None:
             return
     for one in cells:
         console.print(one["run"], soft_wrap=True)
-        said = ("  ", one["recipe"], "  ", one["result"], f"  attempt {one['attempt']}" if one["attempt"].plain else "")
+        attempt = f"  attempt {one['attempt']}" if one["attempt"].plain else ""
+        before = f"; {one[BEFORE]}" if one[BEFORE].plain else ""
+        said = ("  ", one["recipe"], "  ", one["result"], attempt, before)
         console.print(Text.assemble(*said), soft_wrap=True)
 
 
@@ -86,6 +95,7 @@ def _cells(one: RunRow) -> dict[str, Text]:
         "state": state,
         "verdict": decided,
         "scans": Text(str(one.records)),
+        BEFORE: Text((one.attempts or "").partition("; ")[2]),
     }
     return shown | {"result": decided if one.state == "complete" and verdict else state}
 
@@ -116,6 +126,7 @@ def row(run: RunRecord, chain: Chain | None = None) -> RunRow:
             run=run.id,
             serial=manifest.serial,
             attempt=manifest.attempt,
+            attempts=attempt_text(manifest.attempt, manifest.before, None),
             recipe=manifest.recipe.name,
             revision=manifest.recipe.revision,
             started=manifest.started,

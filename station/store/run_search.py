@@ -10,16 +10,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from sqlalchemy import select
-
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.records.run_record import MANIFEST, RunRecord
+from station.store.attempts import attempts_told
 from station.store.outbox import catch_up, put_runs
 from station.store.plant.removals import removals_now
 from station.store.projection import seen, seen_files
-from station.store.stored_runs import StoredRun, Wanted, believed, meant, number_of, runs_named, values_of
-from station.store.tables import RUNS
+from station.store.stored_runs import StoredRun, Wanted, believed, newest_meant, number_of, runs_named, values_of
 from station.store.view import opened
 
 MOST_ROWS = 500
@@ -42,6 +40,8 @@ class Page:
     recipes: tuple[str, ...]
     models: tuple[str, ...]
     behind: int
+    attempts: dict[str, str]
+    """Which attempt each row is, and what became of those before, by its run."""
 
 
 def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> Page:
@@ -56,10 +56,8 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
     try:
         behind = catch_up(database, chain, most_s=CATCH_UP_S)
         # First which ones, and how many, in an index that holds all that is asked for; then the rows of those.
-        ids = meant(select(RUNS.c.run), chain, wanted).order_by(RUNS.c.run.desc())
-        ids = ids.offset(first).limit(min(count, MOST_ROWS))
         with database.reading() as connection:
-            named = list(connection.execute(ids).scalars())
+            named = newest_meant(connection, chain, wanted, first, min(count, MOST_ROWS))
             total = number_of(connection, chain, wanted)
             recipes, models = (values_of(connection, chain, name) for name in ("recipe", "model"))
             rows = runs_named(connection, chain, named)
@@ -72,11 +70,12 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
         with database.reading() as connection:
             rows = runs_named(connection, chain, named) if changed else rows
             rules = removals_now(connection, chain, trust, gone, behind) if gone else {}
+            attempts = attempts_told(connection, chain, trust, rows.values())
     finally:
         database.close()
     why = {run: REMOVED_BY.format(rules[run]) if run in rules else MISSING for run in gone}
     shown = [rows[run]._replace(altered=why[run]) if run in why else rows[run] for run in named if run in rows]
-    return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind)
+    return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind, attempts)
 
 
 def _seen_now(chain: Chain, run: str) -> tuple[str, str]:

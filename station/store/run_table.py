@@ -8,15 +8,16 @@ from typing import NamedTuple
 
 from sqlalchemy import select
 
+from station.store.attempts import attempts_told
 from station.store.stored_runs import COLUMNS, StoredRun, Wanted, believed, meant
 from station.store.tables import METRICS, RUNS
 from station.store.view import View
 
 RUN_COLUMNS = (
-    "run", "started", "ended", "serial", "attempt", "model", "recipe", "revision", "bench", "operator", "clock",
-    "virtual", "master", "scenario", "state", "verdict", "objection", "altered",
+    "run", "started", "ended", "serial", "attempt", "attempts", "model", "recipe", "revision", "bench", "operator",
+    "clock", "virtual", "master", "scenario", "state", "verdict", "objection", "altered",
 )  # fmt: skip
-"""What a row says of its run."""
+"""What a row says of its run; `attempts`: which one it is, and what became of those before."""
 
 METRIC_COLUMNS = ("metric", "choices", "branch", "side", "unit")
 """What tells a column of values from the others."""
@@ -48,10 +49,15 @@ class Value(NamedTuple):
 
 @dataclass
 class RunTableRow:
-    """A run as far as it is believed, and its values by column."""
+    """A run as far as it is believed, which attempt it is in words, and its values by column."""
 
     run: StoredRun
+    attempts: str = ""
     values: dict[MetricColumn, Value] = field(default_factory=dict)
+
+    def cell(self, name: str) -> object:
+        """Return what stands in a column of `RUN_COLUMNS`."""
+        return self.attempts if name == "attempts" else getattr(self.run, name)
 
 
 def run_table(view: View, wanted: Wanted) -> list[RunTableRow]:
@@ -63,14 +69,17 @@ def run_table(view: View, wanted: Wanted) -> list[RunTableRow]:
             run = believed(stored, view.chain, view.trust)
             if wanted.verdict is None or run.verdict == wanted.verdict:
                 found[run.run] = RunTableRow(run)
+        told = attempts_told(connection, view.chain, view.trust, (row.run for row in found.values()))
+        for name, text in told.items():
+            found[name].attempts = text
         together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
         of_metrics = [METRICS.c[name] for name in ("run", *METRIC_COLUMNS, *Value._fields)]
         asked = meant(select(*of_metrics).select_from(RUNS).join(METRICS, together), view.chain, wanted)
-        for run, *rest in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
-            if run in found:
+        for name, *rest in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
+            if name in found:
                 column = MetricColumn(*(text or "" for text in rest[: len(METRIC_COLUMNS)]))
                 value = Value(*rest[len(METRIC_COLUMNS) :])
-                found[run].values[column] = value._replace(verdict=None) if found[run].run.altered else value
+                found[name].values[column] = value._replace(verdict=None) if found[name].run.altered else value
     return list(found.values())
 
 

@@ -51,6 +51,12 @@ class StoredRun(NamedTuple):
 MOST_NAMED = 500
 """Runs that one statement names: databases have limits. Of more all are read."""
 
+NO_LIMIT = 2**62
+"""A limit that takes all rows: a database then reads these first, and does not look for them in another order."""
+
+DEARER_BY_HOUR = 5
+"""How many rows of an index in its order a database reads in the time of one that it looks up by its hour."""
+
 LAST_CHARACTER = "\U0010ffff"
 
 COLUMNS = [RUNS.c[name] for name in StoredRun._fields]
@@ -84,21 +90,47 @@ def meant(asked: Select[Any], chain: Chain, wanted: Wanted) -> Select[Any]:
         asked = asked.where(RUNS.c.started >= wanted.since)
     if wanted.until is not None:
         asked = asked.where(RUNS.c.started < wanted.until)
-    return asked
+    return between_hours(asked, RUNS, wanted.since, wanted.until)
 
 
 def number_of(connection: Connection, chain: Chain, wanted: Wanted) -> int:
     """Return how many concluded runs are meant: from the hours, where no serial number and no part of one is named."""
     if wanted.serial is not None or wanted.begins or not whole_hours(wanted.since, wanted.until):
         asked = meant(select(func.count()).select_from(RUNS), chain, wanted)
-    else:
-        asked = select(func.sum(RUN_HOURS.c.runs)).where(RUN_HOURS.c.chain == chain.id)
-        for name in ("model", "recipe", "verdict", "operator", "master"):
-            value = getattr(wanted, name)
-            if value is not None:
-                asked = asked.where(RUN_HOURS.c[name] == value)
-        asked = between_hours(asked, RUN_HOURS, wanted.since, wanted.until)
-    return int(connection.execute(asked).scalar() or 0)
+        return int(connection.execute(asked).scalar() or 0)
+    return _number_in_hours(connection, chain, wanted)
+
+
+def newest_meant(connection: Connection, chain: Chain, wanted: Wanted, first: int, count: int) -> list[str]:
+    """Return the ids of `count` runs that are meant, from the `first` newest on, newest first.
+
+    A database goes to them from the newest run on, past all that are not meant. Where these are more than those that
+    are, as with a week of last year, it takes the hours that have some, and sorts what it finds there.
+    """
+    asked = meant(select(RUNS.c.run), chain, wanted)
+    if wanted.serial is None and not wanted.begins and wanted != Wanted():
+        number, all_runs = (_number_in_hours(connection, chain, one) for one in (wanted, Wanted()))
+        after = 0 if wanted.until is None else _number_in_hours(connection, chain, Wanted(since=wanted.until))
+        passed = after + (first + count) * all_runs // max(number, 1)
+        if number * DEARER_BY_HOUR < passed:
+            hours = _of_hours(select(RUN_HOURS.c.hour).distinct(), chain, wanted)
+            asked = select(asked.where(RUNS.c.hour.in_(hours)).limit(NO_LIMIT).subquery().c.run)
+    (run,) = asked.selected_columns
+    return list(connection.execute(asked.order_by(run.desc()).offset(first).limit(count)).scalars())
+
+
+def _number_in_hours(connection: Connection, chain: Chain, wanted: Wanted) -> int:
+    """Return how many concluded runs are meant in the hours that their time touches."""
+    return int(connection.execute(_of_hours(select(func.sum(RUN_HOURS.c.runs)), chain, wanted)).scalar() or 0)
+
+
+def _of_hours(asked: Select[Any], chain: Chain, wanted: Wanted) -> Select[Any]:
+    asked = asked.where(RUN_HOURS.c.chain == chain.id)
+    for name in ("model", "recipe", "verdict", "operator", "master"):
+        value = getattr(wanted, name)
+        if value is not None:
+            asked = asked.where(RUN_HOURS.c[name] == value)
+    return between_hours(asked, RUN_HOURS, wanted.since, wanted.until)
 
 
 def is_trusted(key: str | None, chain: Chain, trust: Trust) -> bool:
@@ -129,12 +161,12 @@ def runs_named(connection: Connection, chain: Chain, runs: Iterable[str]) -> dic
 def values_of(connection: Connection, chain: Chain, column: str) -> tuple[str, ...]:
     """Return the different values of a column with an index, in order, by a step in it for each.
 
-    A statement that reads them all takes as long as there are runs.
+    A plain statement for them takes as long as there are runs.
     """
-    found: list[str] = []
-    least = select(func.min(RUNS.c[column])).where(RUNS.c.chain == chain.id)
-    while (
-        value := connection.execute(least.where(RUNS.c[column] > (found[-1] if found else ""))).scalar()
-    ) is not None:
-        found.append(str(value))
-    return tuple(found)
+    least = func.min(RUNS.c[column]).label("value")
+    of_chain = RUNS.c.chain == chain.id
+    steps = select(least).where(of_chain, RUNS.c[column] > "").cte("steps", recursive=True)
+    further = select(least).where(of_chain, RUNS.c[column] > steps.c.value).scalar_subquery()
+    steps = steps.union_all(select(further).where(steps.c.value.is_not(None)))
+    asked = select(steps.c.value).where(steps.c.value.is_not(None)).order_by(steps.c.value)
+    return tuple(map(str, connection.execute(asked).scalars()))

@@ -112,7 +112,7 @@ class Running:
             self._start(options, serial)
 
     def _start(self, options: list[str], serial: str) -> None:
-        words = [*options, "--serial", serial, "--data", str(self._data)]
+        words = [*options, "--serial", serial, "--data", str(self._data), "--no-report"]  # a page asks for one
         try:
             self._data.mkdir(parents=True, exist_ok=True)
             with (self._data / OUTPUT).open("wb") as output:

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import gc
-import os
 import socket
-import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -113,6 +111,7 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     add_quality_page(station)
     station.evaluations.start(station.data)
     nicegui.on_shutdown(station.evaluations.close)
+    nicegui.on_shutdown(station.trials.close)
     nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
     ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
@@ -139,9 +138,7 @@ def serve(served: Served) -> None:
 
     """
     station, password = open_station(served)
-    if station.settings.time_zone is not None:
-        os.environ["TZ"] = station.settings.time_zone
-        time.tzset()  # from here on local time is the plant's, on every page and in every search
+    station.settings.use_time_zone()
     outboxes: list[Sender | Printing | Writer] = []
     try:
         if station.mes is not None:

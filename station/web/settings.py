@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import time
 from pathlib import Path
 from typing import Literal
 from zoneinfo import available_timezones
@@ -69,6 +71,12 @@ class Settings(BaseModel):
         except re.error as error:
             raise refusal(text, f"a regular expression: {error}") from error
         return text
+
+    def use_time_zone(self) -> None:
+        """Make local time that of the plant in this process: on every page, in every search, at the terminal."""
+        if self.time_zone is not None:
+            os.environ["TZ"] = self.time_zone
+            time.tzset()
 
     def is_badge(self, scanned: str) -> bool:
         """Say whether what was scanned is a badge number by its syntax."""

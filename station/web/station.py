@@ -8,6 +8,7 @@ from pathlib import Path
 from station.web.aqdef.settings import AqdefSettings
 from station.web.bench.jogging import Jogging
 from station.web.bench.watch import BenchWatch
+from station.web.definition_trials import DefinitionTrials
 from station.web.evaluations import Evaluations
 from station.web.labels.settings import Labels
 from station.web.mes.settings import MesSettings
@@ -39,6 +40,8 @@ class Station:
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""
+    trials: DefinitionTrials = field(default_factory=DefinitionTrials)
+    """The definition that is on trial."""
     bench: BenchWatch = field(init=False)
     """What the bench shows, and the recovery from a fault."""
     jogging: Jogging = field(init=False)
@@ -61,4 +64,5 @@ class Station:
         self.jogging.close()
         self.dry_runs.close()
         self.evaluations.close()
+        self.trials.close()
         self.database.close()

@@ -24,10 +24,8 @@ from station.quality.figures import (
     trend_of,
     yield_of,
 )
-from station.quality.limits_trial import SideRisks, Tried, draft_of, limits_trial
 from station.reports.result_text import limits_text, unit_text
 from station.store.quality.lot import Lot, Production, production
-from station.store.quality.trial import Rule
 
 NOT_SO = 1
 """Exit code of what is out of control, or of a gage that is not capable."""
@@ -268,50 +266,3 @@ def type_one_blocks(found: TypeOneFigure, share: float, level: float) -> list[st
     blocks += [few] if one.measurements < USUAL else []
     blocks += ["readings are resolved too coarsely: more than 5 % of the tolerance"] if not one.fine_enough else []
     return blocks + (["VIRTUAL: units of the virtual bench"] if part.virtual else [])
-
-
-def print_trial(data: Path, lot: Lot, tried: Tried, person: str | None, *, as_json: bool) -> int:
-    """Print what flips, save the draft of a person that is named, return 0; raises as `limits_trial`, `draft_of`."""
-    with production(data) as look:
-        found = limits_trial(look, lot, tried)
-        notes = lot_note(look, lot)
-    saved = None if person is None else draft_of(data, found, person)
-    unit = unit_text(found.metric.unit)
-    rows = [(was, new, str(number), "" if was == new else "flips") for was, new, number in found.verdicts]
-    blocks: list[str | Grid] = [
-        f"{found.metric.name}: {_rule(found.before, unit)} now, {_rule(found.after, unit)} on trial",
-        Grid(("now", "on trial", "runs", ""), rows, right=(2,)),
-        f"{found.flips} of {found.runs} verdicts flip",
-    ]
-    known = [one for one in found.risks if not one.why]
-    if known:
-        heads = ("side", "", "beyond the limits", "accepted wrongly (PFA)", "rejected wrongly (PFR)", "NOT DECIDABLE")
-        blocks.append(Grid(heads, [row for one in known for row in _risk_rows(one)], right=(2, 3, 4, 5)))
-        notes.append(
-            "risks: calculated for a normal distribution with the standard deviation of these values, after the "
-            f"measurement uncertainty u = {_us(known)} {unit} is subtracted"
-        )
-    if found.flipped:
-        flips = [(one.run, f"{one.before} → {one.after}", one.why) for one in found.flipped]
-        blocks.append(Grid(("run", "flips", "why"), flips))
-    blocks += [f"side {one.side}: no risks: {one.why}" for one in found.risks if one.why]
-    blocks += [] if saved is None else [f"saved as draft: {saved.title}, by {person}"]
-    document = {**plain(found), "draft": None if saved is None else saved.title}
-    return say(document, [*blocks, *notes], as_json=as_json)
-
-
-def _rule(rule: Rule, unit: str) -> str:
-    guard = "simple" if rule.guard_factor is None else f"guard band {rule.guard_factor:g}·U"
-    return f"{limits_text(Limits(min=rule.limit_min, max=rule.limit_max))} {unit} ({guard})"
-
-
-def _us(risks: Sequence[SideRisks]) -> str:
-    return ", ".join(f"{figure(one.u, '', 3)} on side {one.side}" for one in risks)
-
-
-def _risk_rows(one: SideRisks) -> list[tuple[str, ...]]:
-    return [
-        (one.side, name, *(percent(share) for share in (r.outside, r.false_accept, r.false_reject, r.undecided)))
-        for name, r in (("now", one.before), ("on trial", one.after))
-        if r is not None
-    ]

@@ -12,6 +12,7 @@ from station.documents.entries import plain
 from station.errors import StationError
 from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.run.run_list import RunRow, print_runs, row
+from station.store.attempts import attempts_told
 from station.store.stored_runs import StoredRun, believed, runs_named
 from station.store.view import View, look_at
 
@@ -60,16 +61,18 @@ def list_rows(view: View, runs: list[str]) -> list[RunRow]:
     """Return runs as rows of the list. The newest ones are read from their folders, older ones from the store."""
     view.chain.index()
     stored: dict[str, StoredRun] = {}
+    told: dict[str, str] = {}
     if len(runs) > NEWEST:
         with view.database.reading() as connection:
             stored = runs_named(connection, view.chain, runs[:-NEWEST])
+            told = attempts_told(connection, view.chain, view.trust, stored.values())
     missing = set(view.missing)
     rows = []
     for run in runs:
         if run in missing:
             rows.append(_missing_row(view, run))
         elif run in stored:
-            rows.append(_stored_row(believed(stored[run], view.chain, view.trust)))
+            rows.append(_stored_row(believed(stored[run], view.chain, view.trust), told.get(run)))
         else:
             rows.append(row(RunRecord(view.data / run), view.chain))
     return rows
@@ -80,11 +83,12 @@ def _missing_row(view: View, run: str) -> RunRow:
     return RunRow(run=run, state="missing", serial=created.get("serial"), attempt=created.get("attempt"))
 
 
-def _stored_row(stored: StoredRun) -> RunRow:
+def _stored_row(stored: StoredRun, attempts: str | None) -> RunRow:
     return RunRow(
         run=stored.run,
         serial=stored.serial,
         attempt=stored.attempt,
+        attempts=attempts,
         recipe=stored.recipe,
         revision=stored.revision,
         started=stored.started,

@@ -68,7 +68,7 @@ def _question(asked: Asked) -> Question | LimitsQuestion:
 
 
 def _tell(done: int, there: int) -> None:
-    if done % SAID_EVERY == 0:
+    if done and done % SAID_EVERY == 0:
         sys.stderr.write(f"{done} of {there} runs\n")
 
 

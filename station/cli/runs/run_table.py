@@ -53,7 +53,7 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
         sys.stdout.write(csv_of(rows, LOCALES[locale]))
         return 0
     runs = [
-        {name: getattr(row.run, name) for name in RUN_COLUMNS}
+        {name: row.cell(name) for name in RUN_COLUMNS}
         | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
         for row in rows
     ]
@@ -76,7 +76,6 @@ def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:
     for row in rows:
         bad = [(column, value) for column, value in row.values.items() if value.verdict == "FAIL"]
         why = ", ".join(f"{column.name} {number(value.value, value.uncertainty)}" for column, value in bad)
-        shown.append(
-            [*(text_cell(getattr(row.run, name)) for name in SHOWN), why or str(row.run.altered or row.run.objection)]
-        )
-    return [Grid((*SHOWN, "problems"), shown, right=(2,)), counted(len(rows), "run")]
+        said = (why or str(row.run.altered or row.run.objection), row.attempts.partition("; ")[2])
+        shown.append([*(text_cell(row.cell(name)) for name in SHOWN), "; ".join(part for part in said if part)])
+    return [Grid((*SHOWN, "problems, attempts before"), shown, right=(2,)), counted(len(rows), "run")]

@@ -13,7 +13,7 @@ from station.counted import counted
 from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
-from station.records.certificate_code import GENUINE, check_code
+from station.records.certificate_code import GENUINE, attempts_of, check_code
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
 from station.records.verify import Verified, verify_folder
@@ -57,6 +57,7 @@ class CheckedCertificate:
     run: str
     serial: str
     attempt: int | None
+    attempts: str
     verdict: str | None
 
 
@@ -71,12 +72,12 @@ def verify_code(data: Path, code: str, *, as_json: bool) -> int:
     if as_json:
         whole = CheckedCertificate(
             certificate=found.standing, text=found.text, run=found.run, serial=found.serial, attempt=found.attempt,
-            verdict=found.verdict,
+            attempts=attempts_of(found), verdict=found.verdict,
         )  # fmt: skip
         sys.stdout.write(json.dumps(plain(whole), ensure_ascii=False) + "\n")
     else:
         told = [f"{found.standing.upper()}  {found.text}", f"run      {found.run}"]
-        told += [f"serial   {found.serial}, attempt {found.attempt}"] if found.serial else []
+        told += [f"serial   {found.serial}, {attempts_of(found)}"] if found.serial else []
         told += [f"verdict  {found.verdict}"] if found.verdict else []
         sys.stdout.write("\n".join(told) + "\n")
     return 0 if found.standing == GENUINE else EXIT_PROBLEMS

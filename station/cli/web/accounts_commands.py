@@ -1,16 +1,10 @@
-"""`lostmotion recipes` and `lostmotion users`: what the pages do by the table of actions, for a bench without a screen.
-
-Each is a row of that table, done by whoever names themselves with `--as` and says their password: the same roles, the
-same checks, the same lines of the audit trail. The password is asked at the terminal, or is a line of standard input.
-"""
+"""`lostmotion recipes` and `lostmotion users`: actions of the pages, for a bench without a screen."""
 
 # ruff: noqa: PLC0415, FBT002 - imports inside the commands keep --help fast; typer reads these signatures
 
 from __future__ import annotations
 
-import getpass
 import json
-import secrets
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -18,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+from station.cli.web.done_as import WhoOption, done_as
 from station.errors import StationError
 
 if TYPE_CHECKING:
@@ -29,7 +24,6 @@ recipes_app = typer.Typer(help="Recipes with their revisions: drafts, and their 
                           no_args_is_help=True)  # fmt: skip
 users_app = typer.Typer(help="Accounts, passwords and badges of the station.", no_args_is_help=True)
 
-WhoOption = Annotated[str, typer.Option("--as", metavar="NAME", help="Your account; its password is asked for.")]
 NameArgument = Annotated[str, typer.Argument(metavar="NAME", help="Name of the account.")]
 RecipeName = Annotated[str, typer.Argument(metavar="RECIPE", help="Name of the recipe.")]
 RevisionArgument = Annotated[int, typer.Argument(metavar="REVISION", min=1, help="Revision of the recipe.")]
@@ -87,13 +81,13 @@ def recipes_save(
     """Save a recipe file as the draft of its revision."""
     from recipes.text.yaml_source import read_bytes
 
-    _done(data, who, "save_recipe", {"text": read_bytes(file).decode(errors="replace")})
+    done_as(data, who, "save_recipe", {"text": read_bytes(file).decode(errors="replace")})
 
 
 @recipes_app.command("ask")
 def recipes_ask(name: RecipeName, revision: RevisionArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Ask for the release of a draft."""
-    _done(data, who, "ask_release", _as_read(data, name, revision))
+    done_as(data, who, "ask_release", _as_read(data, name, revision))
 
 
 @recipes_app.command("release")
@@ -101,7 +95,7 @@ def recipes_release(
     name: RecipeName, revision: RevisionArgument, who: WhoOption, data: DataOption = DEFAULT_DATA
 ) -> None:
     """Release a recipe that another person has written. From then on, units are measured with it."""
-    _done(data, who, "release_recipe", _as_read(data, name, revision))
+    done_as(data, who, "release_recipe", _as_read(data, name, revision))
 
 
 @users_app.command("first")
@@ -127,37 +121,37 @@ def users_add(
     data: DataOption = DEFAULT_DATA,
 ) -> None:
     """Add an account. Asks for a first password, which its owner replaces at the first log-in."""
-    _done(data, who, "add_person", {"name": name, "role": role}, password=f"first password of {name}")
+    done_as(data, who, "add_person", {"name": name, "role": role}, password=f"first password of {name}")
 
 
 @users_app.command("reset")
 def users_reset(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Reopen a closed or locked account with a new first password."""
-    _done(data, who, "reset_person", {"name": name}, password=f"first password of {name}")
+    done_as(data, who, "reset_person", {"name": name}, password=f"first password of {name}")
 
 
 @users_app.command("disable")
 def users_disable(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Close an account."""
-    _done(data, who, "disable_person", {"name": name})
+    done_as(data, who, "disable_person", {"name": name})
 
 
 @users_app.command("badge")
 def users_badge(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Give a person a badge: its number is scanned or typed. It also needs a PIN of 4 to 12 digits."""
-    _done(data, who, "assign_badge", {"name": name}, badge="badge", pin="PIN")
+    done_as(data, who, "assign_badge", {"name": name}, badge="badge", pin="PIN")
 
 
 @users_app.command("withdraw-badge")
 def users_withdraw(name: NameArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Take a person's badge away."""
-    _done(data, who, "withdraw_badge", {"name": name})
+    done_as(data, who, "withdraw_badge", {"name": name})
 
 
 @users_app.command("password")
 def users_password(who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Change your own password."""
-    _done(data, who, "change_password", {}, old_password="", new_password="new password")  # noqa: S106 - questions
+    done_as(data, who, "change_password", {}, old_password="", new_password="new password")  # noqa: S106 - questions
 
 
 def _no_recipe(name: str, revision: int | None, there: list[Revision]) -> str:
@@ -186,49 +180,3 @@ def _as_read(data: Path, name: str, revision: int) -> dict[str, JsonValue]:
     if found is None:
         raise StationError(f"recipe {name} has no revision {revision}. 'lostmotion recipes list' shows all")
     return {"name": name, "revision": revision, "sha256": found.sha256}
-
-
-def _done(data: Path, who: str, action: str, values: dict[str, JsonValue], **secret: str) -> None:
-    """Do a row of the table of actions as somebody, and say so. secret: further values and how each is asked for.
-
-    Raises:
-        StationError: wrong name or password, or why the action was refused.
-
-    """
-    from station.web.actions.perform import perform
-    from station.web.actions.row import OK
-    from station.web.models import load_models
-    from station.web.people import audit
-    from station.web.people.accounts import EntryRefusedError, enter, is_name
-    from station.web.people.database import FILE, StationDatabase
-    from station.web.running import Running
-    from station.web.station import Station
-
-    if not (data / FILE).is_file():
-        raise StationError(
-            f"folder {data} has no {FILE}, so there are no accounts. Make the first account: 'lostmotion users first'"
-        )
-    models = load_models(data, None)
-    password = _asked(f"password of {who}")
-    values = values | {name: password if not question else _asked(question) for name, question in secret.items()}
-    station = Station(data, StationDatabase(data), models, Running(data))
-    try:
-        session = enter(station.database, who, password)
-        with station.database.writing() as connection:
-            refused = isinstance(session, EntryRefusedError)
-            audit.write(connection, who if is_name(who) else "?", "enter", audit.REFUSED if refused else audit.DONE, {})
-        if isinstance(session, EntryRefusedError):
-            raise StationError(f"--as {who}: log-in refused: {session}")
-        answer = perform(station, action, session.token, session.csrf, secrets.token_hex(16), values)
-        perform(station, "leave", session.token, session.csrf, secrets.token_hex(16), {})
-    finally:
-        station.close()
-    if answer.status != OK:
-        raise StationError(" ".join(one.text for one in answer.refused))
-    sys.stdout.write(f"done: {action}\n")
-
-
-def _asked(question: str) -> str:
-    if sys.stdin.isatty():
-        return getpass.getpass(f"{question}: ")
-    return sys.stdin.readline().rstrip("\r\n")

@@ -1,4 +1,4 @@
-"""`lostmotion labels`: what the printer does, how a label comes out, and a template to begin with."""
+"""`lostmotion labels`: what the printer does, how a label comes out, one more of it, and a template to begin with."""
 
 # ruff: noqa: PLC0415, FBT002 - imports inside the commands keep --help fast; typer reads these signatures
 
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
+from station.cli.web.done_as import WhoOption, done_as
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,6 +19,9 @@ if TYPE_CHECKING:
     from station.web.labels.outbox import Awaited
     from station.web.labels.settings import Labels
 
+RunOfLabel = Annotated[
+    str, typer.Argument(metavar="RUN", help="Id of a stored run, or a serial number: its newest run.")
+]
 labels_app = typer.Typer(help="Labels for units; a label is printed when a run is concluded.", no_args_is_help=True)
 
 
@@ -72,7 +76,7 @@ def _awaited(data: Path, labels: Labels) -> Awaited | None:
 
 @labels_app.command("preview")
 def labels_preview(
-    run: Annotated[str, typer.Argument(metavar="RUN", help="Id of a stored run, or a serial number: its newest run.")],
+    run: RunOfLabel,
     data: DataOption = DEFAULT_DATA,
 ) -> None:
     """Write the ZPL of a run's label to standard output. Nothing is printed."""
@@ -100,3 +104,30 @@ def labels_template() -> None:
     from station.web.labels.settings import SHIPPED
 
     sys.stdout.write(SHIPPED.read_text(encoding="utf-8"))
+
+
+@labels_app.command("again")
+def labels_again(
+    run: RunOfLabel,
+    who: WhoOption,
+    data: DataOption = DEFAULT_DATA,
+) -> None:
+    """Print the label of a run once more, by whatever prints labels: 'serve' or 'line'."""
+    done_as(data, who, "print_label", {"run": _run_of(data, run)})
+
+
+@labels_app.command("aside")
+def labels_aside(
+    run: RunOfLabel,
+    who: WhoOption,
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="Why the unit goes without a label.")],
+    data: DataOption = DEFAULT_DATA,
+) -> None:
+    """Release a unit whose label was not scanned, with a reason."""
+    done_as(data, who, "set_label_aside", {"run": _run_of(data, run), "reason": reason})
+
+
+def _run_of(data: Path, run: str) -> str:
+    from station.records.data_folder import Store
+
+    return Store(data).find(run).id

@@ -16,6 +16,7 @@ from station.records.run_record import RunRecord
 from station.reports.loop_curves import FALLING, RISING, Line, loop_curves
 from station.reports.result_text import limits_text, minus, unit_text
 from station.store.quality.lot import Lot, production
+from station.store.quality.retests import retests_of
 from station.store.quality.values import Characteristic, ValueRow, characteristics, values
 
 Cell = str | float | int | None
@@ -71,7 +72,7 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
         limited = [one for one in there if one.limited]
         capability = capability_of(look, lot).rows if limited else ()
         series = {(one, side): values(look, lot, one, side) for one in there for side in one.sides}
-        behind = look.behind
+        again, behind = retests_of(look, lot), look.behind
     by_run: dict[str, dict[str, float]] = {}
     serials: dict[str, tuple[str, str]] = {}
     for (one, side), rows in series.items():
@@ -98,11 +99,14 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
     failed = [("metric failed", one.name, one.number, 100 * one.share) for one in causes.failed]
     failed += [("no verdict", one.name, one.number, 100 * one.share) for one in causes.undecided]
     failed += [("alarm", one.name, one.number, 100 * one.share) for one in causes.alarms]
-    tables = (
+    tables: tuple[BatchTable, ...] = (
         BatchTable("capability", "Metrics", CAPABILITY_HEADS, tuple(_summary(one, side, rows, capability)
                                                                   for (one, side), rows in series.items())),
         BatchTable("pareto", "What hindered it", ("kind", "cause", "runs", "share [%]"), tuple(failed)),
     )  # fmt: skip
+    if again:
+        retests = tuple((one.run.run, one.run.serial, one.run.verdict, one.attempts) for one in again)
+        tables += (BatchTable("retests", "Units measured again", ("run", "serial", "verdict", "attempts"), retests),)
     numbers = {column_of(*key): tuple(row.value for row in rows) for key, rows in series.items() if rows}
     table = BatchTable("values", "Values", ("run", "serial", "started", *heads), value_rows)
     title = f"Batch report: {lot.recipe}"

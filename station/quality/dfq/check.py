@@ -17,6 +17,7 @@ from station.quality.dfq.fields import (
     IN_A_VALUE,
     LIMITS,
     MOMENT,
+    NATURAL,
     NEXT_CHARACTERISTIC,
     NEXT_ENTRY,
     SPECIFIED,
@@ -223,8 +224,11 @@ class _Reader:
 
     def _limits(self, number: int, one: dict[str, str]) -> None:
         for limit, kind in LIMITS.items():
-            if (limit in one) != (one.get(kind) == str(SPECIFIED)):
-                self._wrong(f"{limit}/{number}: a limit stands exactly where {kind} is {SPECIFIED}")
+            if (limit in one) != (one.get(kind) in (str(SPECIFIED), str(NATURAL))):
+                self._wrong(f"{limit}/{number}: a limit stands exactly where {kind} is {SPECIFIED} or {NATURAL}")
+        kinds = {one.get(kind) for kind in LIMITS.values()}
+        if str(NATURAL) in kinds and str(SPECIFIED) not in kinds:
+            self._wrong(f"K2120/{number}: a natural limit stands only opposite a specified one")
         low, high = (one.get(limit, "") for limit in LIMITS)
         if NUMBER.fullmatch(low) and NUMBER.fullmatch(high) and float(low) > float(high):
             self._wrong(f"K2110/{number}: {low} is above the upper limit {high}")

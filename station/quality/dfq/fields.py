@@ -20,7 +20,9 @@ END_OF_LINE = "\r\n"
 NEXT_CHARACTERISTIC, NEXT_ENTRY = "\x0f", "\x14"
 MOMENT = "%d.%m.%Y/%H:%M:%S"
 
-SPECIFIED, NO_LIMIT = 1, 0
+NO_LIMIT, SPECIFIED, NATURAL = 0, 1, 2
+"""K2120, K2121: there is no limit; the recipe states it; no unit can be beyond it, such as a backlash below zero."""
+
 VALID, NOT_MEASURED = 0, 255
 """K0002: the value counts; there is none, or its measurement was invalid."""
 
@@ -47,12 +49,12 @@ FIELDS: dict[str, Field] = {
     "K2002": Field("characteristic", "description: metric, choices, branch and side", "text", 80, required=True),
     "K2004": Field("characteristic", "kind: 0, variable", "whole number", 1, required=True, choices=(0,)),
     "K2101": Field("characteristic", "nominal value; a recipe states none, so it is not written", "number", 22),
-    "K2110": Field("characteristic", "lower specification limit", "number", 22),
-    "K2111": Field("characteristic", "upper specification limit", "number", 22),
-    "K2120": Field("characteristic", "kind of the lower limit: 0 none, 1 specified", "whole number", 1, required=True,
-                   choices=(NO_LIMIT, SPECIFIED)),
-    "K2121": Field("characteristic", "kind of the upper limit: 0 none, 1 specified", "whole number", 1, required=True,
-                   choices=(NO_LIMIT, SPECIFIED)),
+    "K2110": Field("characteristic", "lower limit, as K2120 says", "number", 22),
+    "K2111": Field("characteristic", "upper limit, as K2121 says", "number", 22),
+    "K2120": Field("characteristic", "kind of the lower limit: 0 none, 1 specified, 2 natural", "whole number", 1,
+                   required=True, choices=(NO_LIMIT, SPECIFIED, NATURAL)),
+    "K2121": Field("characteristic", "kind of the upper limit: 0 none, 1 specified, 2 natural", "whole number", 1,
+                   required=True, choices=(NO_LIMIT, SPECIFIED, NATURAL)),
     "K2142": Field("characteristic", "unit", "text", 20, required=True),
     "K2900": Field("characteristic", "remark: the definition of the metric", "text", 255),
     "K0001": Field("value", "value", "number", 22, required=True),
@@ -77,4 +79,4 @@ EVENTS: dict[int, str] = {
 """Numbers of K0005, and what they say."""
 
 LIMITS = {"K2110": "K2120", "K2111": "K2121"}
-"""A limit and the field that says whether there is one."""
+"""A limit and the field that says of what kind it is. A natural one stands only opposite a specified one."""

@@ -11,13 +11,16 @@ from typing import Any
 from sqlalchemy import Row, select
 
 from analysis.metrics.former_wordings import wording_of_today
+from definitions.metrics import METRICS as METRICS_DEFINED
 from station.errors import StationError
 from station.quality.dfq.check import DfqError, checked_dfq
 from station.quality.dfq.fields import (
     ENCODING,
     END_OF_LINE,
     INSTEAD,
+    LIMITS,
     MOMENT,
+    NATURAL,
     NEXT_CHARACTERISTIC,
     NEXT_ENTRY,
     NO_LIMIT,
@@ -179,14 +182,29 @@ def _characteristic(one: Characteristic, side: str, number: int) -> list[str]:
         part for part in (one.metric, one.choices, one.branch, "" if side == "both" else f"side {side}") if part
     )
     lines = {"K2001": str(number), "K2002": words, "K2004": "0"}
-    for value, limit, kind in ((one.limit_min, "K2110", "K2120"), (one.limit_max, "K2111", "K2121")):
-        lines[kind] = str(NO_LIMIT if value is None else SPECIFIED)
-        if value is not None:
-            lines[limit] = _number(value)
+    naturals = natural_limits(one)
+    for value, natural, (limit, kind) in zip((one.limit_min, one.limit_max), naturals, LIMITS.items(), strict=True):
+        lines[kind] = str(SPECIFIED if value is not None else NO_LIMIT if natural is None else NATURAL)
+        stated = natural if value is None else value
+        if stated is not None:
+            lines[limit] = _number(stated)
     lines["K2142"] = one.unit if one.unit.strip() else "1"
     if one.definition:
         lines["K2900"] = one.definition.translate(INSTEAD)
     return [f"{key}/{number} {value}" for key, value in lines.items()]
+
+
+def natural_limits(one: Characteristic) -> tuple[float | None, float | None]:
+    """Return the smallest and the largest value that there is of a characteristic with one limit, opposite that limit.
+
+    A statistics program takes a natural limit for no tolerance: it computes the indices of the other side alone, and
+    expects a skewed distribution. None where there is none, or where the recipe states no limit or both.
+    """
+    row = METRICS_DEFINED.get(one.metric)
+    if row is None or (one.limit_min is None) == (one.limit_max is None):
+        return None, None
+    usual = row.usual
+    return (usual.floor, None) if one.limit_min is None else (None, usual.ceiling)
 
 
 def _value(run: Row[Any], row: Row[Any] | None) -> str:

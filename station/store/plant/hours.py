@@ -64,11 +64,13 @@ def whole_hours(since: str | None, until: str | None) -> bool:
 
 
 def between_hours(asked: Select[Any], table: Table, since: str | None, until: str | None) -> Select[Any]:
-    """Return a statement on a table by the hour with its hours from one moment to another, both of whole hours."""
+    """Return a statement on a table with an hour, with those that the time from one moment to another touches."""
+    hour = table.c.hour
     if since is not None:
-        asked = asked.where(table.c.hour >= hour_of(since))
+        asked = asked.where(hour >= hour_of(since))
     if until is not None:
-        asked = asked.where(table.c.hour < hour_of(until), table.c.hour != "")
+        last = hour_of(until)
+        asked = asked.where(hour < last if whole_hours(None, until) else hour <= last, hour != "")
     return asked
 
 

@@ -21,7 +21,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.store.outbox import catch_up
 from station.store.plant.hours import FIRST_ATTEMPT, between_hours, whole_hours
-from station.store.stored_runs import is_trusted, values_of
+from station.store.stored_runs import NO_LIMIT, is_trusted, values_of
 from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
 
@@ -30,8 +30,6 @@ SAID_OF_A_VALUE = ("serial", "started", "bench", "operator", "recipe", "revision
 
 NEWEST = 2000
 """First attempts that values are of unless more are asked for: a chart and an index of the process as it is now."""
-
-NO_LIMIT = 2**62
 
 Columns = Callable[[Any], tuple[ColumnElement[Any], ...]]
 """Columns of a table with what is known of runs, by the table."""

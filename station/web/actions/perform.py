@@ -66,6 +66,42 @@ def perform(  # noqa: PLR0917 - one request, as it came
         return Answer(NOT_READY, refusal("station", str(error)))
 
 
+def perform_here(station: Station, session: Session, action_id: str, values: JsonValue) -> Answer:
+    """Do an action, or refuse it, for whoever stands at the bench's own terminal: `session_here`.
+
+    Nobody else can be taken for them, so neither log-in nor key is asked; what becomes of it is a line of the trail.
+    """
+    row = ACTIONS[action_id]
+    try:
+        with _ONE_AT_A_TIME:
+            note = None
+            if row.reaches_out:
+                with station.database.writing() as connection:
+                    note = _note_of(connection, session, row, values)
+            with station.database.writing() as connection:
+                audit.tell_cut_off(connection, but=note)
+                answer = _done(Call(station, connection, session), row, values)
+                if note is not None:
+                    audit.end(connection, note)
+            return answer
+    except StationError as error:  # as above
+        return Answer(NOT_READY, refusal("station", str(error)))
+
+
+def refuse_here(
+    station: Station, session: Session, action_id: str, values: JsonValue, reasons: list[tuple[str, str]]
+) -> None:
+    """Write that an action was refused before it was tried; reasons: id and words of each.
+
+    Raises:
+        StationError: the trail cannot be written.
+
+    """
+    row = ACTIONS[action_id]
+    with _ONE_AT_A_TIME, station.database.writing() as connection:
+        _refused(connection, session, row, NOT_NOW, reasons, row.needs.model_validate(values))
+
+
 def _noted(station: Station, row: Action, token: str | None, csrf: str | None, values: JsonValue) -> int | None:
     """Note that an action is done next; None where it will be refused, as that changes nothing."""
     if not _is_text(values):
@@ -74,16 +110,21 @@ def _noted(station: Station, row: Action, token: str | None, csrf: str | None, v
         session = session_of(connection, token)
         if session is None or not brings_token(session, csrf) or session.person.role not in row.roles:
             return None
-        try:
-            given = row.needs.model_validate({} if values is None else values)
-        except ValidationError:
-            return None
-        return audit.begin(connection, session.person.name, row.id, _told(row, given))
+        return _note_of(connection, session, row, values)
 
 
-def _told(row: Action, given: Values) -> Plain:
+def _note_of(connection: Connection, session: Session, row: Action, values: JsonValue) -> int | None:
+    try:
+        given = row.needs.model_validate({} if values is None else values)
+    except ValidationError:
+        return None
+    return audit.begin(connection, session.person.name, row.id, _told(session, row, given))
+
+
+def _told(session: Session, row: Action, given: Values) -> Plain:
     """Return what stands in the audit trail of what an action is asked with; of a long text its hash."""
     told: Plain = given.model_dump(include=set(row.audited))
+    told |= {"at": session.place} if session.place else {}
     text = getattr(given, "text", None)
     return told if text is None else told | {"text_sha256": hashlib.sha256(text.encode()).hexdigest()}
 
@@ -160,7 +201,7 @@ def _done(call: Call, row: Action, values: JsonValue) -> Answer:
         if isinstance(error, EntryRefusedError):
             count_wrong(connection, person.name)
         return _refused(connection, session, row, *_why(error), given)
-    told = _told(row, given) | found.model_dump(include=set(row.tells))
+    told = _told(session, row, given) | found.model_dump(include=set(row.tells))
     told |= {"before": before, "after": _seen(row, call, given)}
     audit.write(connection, person.name, row.id, audit.DONE, told)
     return Answer(OK, found.model_copy(update={"done": row.id}))
@@ -201,7 +242,7 @@ def _refused(  # noqa: PLR0917 - one line of the trail
     connection: Connection, session: Session, row: Action, status: int, reasons: list[tuple[str, str]],
     given: Values | None = None,
 ) -> Answer:  # fmt: skip
-    told = {} if given is None else _told(row, given)
+    told = {} if given is None else _told(session, row, given)
     audit.write(
         connection, session.person.name, row.id, audit.REFUSED, {**told, "reasons": [name for name, _ in reasons]}
     )

@@ -50,6 +50,11 @@ class Call:
         """Who does it."""
         return self.session.person
 
+    @property
+    def operator(self) -> str | None:
+        """Who measures, as the record names them; None where nobody has said."""
+        return None if self.person.name == self.session.place else self.person.name
+
 
 class Action(NamedTuple):
     """One row: id, roles, what it needs, what it does, what that answers, and what stands in the audit trail.

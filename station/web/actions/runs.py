@@ -41,7 +41,8 @@ def start_run(call: Call, given: Start) -> RunStarted:
         raise NotNowError(why)
     model = now.model
     assert model is not None  # noqa: S101 - a condition of the start
-    options = [*now.run_options(), "--operator", call.person.name, "--no-report", *station.run_options]
+    options = [*now.run_options(), *station.run_options]
+    options += ["--operator", call.operator] if call.operator else []
     used = {name for name, _ in refusals(now)}
     for note in (str(one) for one in bypasses if one.condition in used):
         options += ["--note", note]
@@ -56,7 +57,7 @@ def start_run(call: Call, given: Start) -> RunStarted:
 def _situation(call: Call, given: Start) -> Situation:
     station, serial = call.station, serial_of(given.scanned)
     step = None if station.mes is None else previous_step(call.connection, station.mes, serial)
-    wanted = Wanted(serial, given.retest_reason, given.study, call.person.name)
+    wanted = Wanted(serial, given.retest_reason, given.study, call.operator or "")
     return situation_of(
         station.data, station.models, wanted, busy=station.running.busy(),
         confirmed=_confirmed(call.connection), previous_step=step,

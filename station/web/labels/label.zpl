@@ -8,4 +8,5 @@
 ^FO270,145^A0N,26,26^FH^FD{model}  {date} {time}^FS
 ^FO270,180^A0N,26,26^FH^FD{recipe} r{revision}^FS
 ^FO270,215^A0N,26,26^FH^FD{copy}^FS
+^FO20,250^A0N,22,22^FH^FD{before}^FS
 ^XZ

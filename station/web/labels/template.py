@@ -70,11 +70,16 @@ class Field(NamedTuple):
     of: Callable[[Source], str]
 
 
+def _before(one: Source) -> str:
+    return "; ".join(str(earlier) for earlier in one.manifest.before or ())
+
+
 FIELDS: dict[str, Field] = {
     "serial": Field("serial number", lambda one: one.manifest.serial),
     "model": Field("model of the unit", lambda one: one.manifest.unit.model),
     "verdict": Field("PASS, FAIL or NOT DECIDABLE", lambda one: one.result.verdict),
     "attempt": Field("which attempt it was", lambda one: str(one.manifest.attempt)),
+    "before": Field("what became of the attempts before, as 'attempt 1 FAIL Backlash'; nothing on the first", _before),
     "recipe": Field("name of the recipe", lambda one: one.manifest.recipe.name),
     "revision": Field("revision of the recipe", lambda one: str(one.manifest.recipe.revision)),
     "bench": Field("name of the bench", lambda one: one.manifest.bench.name),

@@ -11,7 +11,7 @@ from fastapi.responses import RedirectResponse
 from nicegui import ui
 
 from station.errors import StationError
-from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, check_code
+from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, attempts_of, check_code
 from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
 from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, local
 from station.web.people.accounts import Session
@@ -69,7 +69,7 @@ def _html(found: CheckedCode) -> str:
     shown, manifest = STANDINGS[found.standing], found.manifest
     facts = [
         ("serial number", found.serial),
-        ("attempt", "" if found.attempt is None else str(found.attempt)),
+        ("attempt", attempts_of(found).removeprefix("attempt ")),
         ("verdict", found.verdict or ""),
     ]
     if manifest is not None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import functools
 import time
+from html import escape
 from typing import Any
 
 import jinja2
@@ -13,6 +14,8 @@ from fastapi.responses import RedirectResponse
 from nicegui import ui
 from pydantic import JsonValue
 
+from definitions.faults import FAULTS
+from station.documents.events import LeftState
 from station.errors import StationError
 from station.run.screen.progress import signed
 from station.wall_clock import WALL_CLOCK
@@ -21,7 +24,8 @@ from station.web.bench.changes import Since, since_it_worked
 from station.web.bench.due import due_on
 from station.web.bench.sight import Sight
 from station.web.bench.watch import Seen
-from station.web.bench.way_back import DONE, IN_HAND, IN_THE_WAY, TO_COME, Standing, steps
+from station.web.bench.way_back import DONE, IN_HAND, IN_THE_WAY, TO_COME, Fault, Standing, steps
+from station.web.languages import Words
 from station.web.pages.frame import (
     HERE,
     LONGEST_BUILD_S,
@@ -30,6 +34,7 @@ from station.web.pages.frame import (
     bar,
     session_of_page,
     still_open,
+    words_for,
 )
 from station.web.people.accounts import Session
 from station.web.station import Station
@@ -49,6 +54,13 @@ BUTTONS = {
 }
 """The actions of the recovery, as the page offers them."""
 
+LOADING = "Being read."
+"""What a part says until it was looked at for the first time."""
+
+SAID = frozenset({"yes", "no", "none", "never", "never came", "never heard", "no sensor", "not a number", "not known",
+                  "listed as alarms"})  # fmt: skip
+"""Words of a reading that stand in every language. States of drive and bus are called as CiA 402 and CiA 301 do."""
+
 NOBODY_SAW = (
     "What the bench did after the end of the record is not known. Treat the unit as wound up: keep clear of its shafts."
 )
@@ -61,44 +73,45 @@ def add_maintenance(station: Station) -> None:
     async def page(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        _Maintenance(station, session).build()
+        _Maintenance(station, session, words_for(station, session, request)).build()
         return None
 
 
 class _Maintenance:
     """One open page. It shows what the bench does, and keeps nothing."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
         self._shown: dict[str, str] = {}
         self._recovery = ""
         self._compared, self._slow_s = "", 0.0
 
     def build(self) -> None:
         """Lay the page out."""
-        bar(self._station, self._session, "maintenance")
+        say = self._words
+        bar(self._station, self._session, "maintenance", say)
         with ui.element("main").classes("lm-maintenance"):
             with ui.element("div").classes("lm-column").props('tabindex="0"'):
                 self._head = self._part("lm-stack", 'role="status"')
-                self._title("Recovery after a fault")
+                self._title(say("Recovery after a fault"))
                 with ui.element("section").classes("lm-card"):
-                    self._why = ui.label()
+                    self._why = ui.label(say(LOADING))
                     self._steps = self._part()
                     self._refused = ui.label().classes("lm-refused").props('role="alert"')
                     self._refused.set_visibility(False)
                     with ui.element("div").classes("lm-buttons"):
                         self._buttons = {name: self._button(name) for name in BUTTONS}
-                self._title("Alarms")
+                self._title(say("Alarms"))
                 self._alarms = self._part("lm-stack")
             with ui.element("div").classes("lm-column").props('tabindex="0"'):
-                self._title("Inputs and outputs")
+                self._title(say("Inputs and outputs"))
                 self._devices = self._part("lm-devices")
             with ui.element("div").classes("lm-column").props('tabindex="0"'):
-                self._title("Interlocks, nearest first")
+                self._title(say("Interlocks, nearest first"))
                 self._limits = self._part("lm-card")
-                self._title("What changed since it last worked")
+                self._title(say("What changed since it last worked"))
                 self._since = self._part("lm-card")
-                self._title("Calibrations and master parts")
+                self._title(say("Calibrations and master parts"))
                 self._due = self._part("lm-card")
         ui.timer(LOOK_EVERY_S, self._look)
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
@@ -108,12 +121,12 @@ class _Maintenance:
         with ui.element("h2").classes("lm-title"):
             ui.label(text)
 
-    @staticmethod
-    def _part(classes: str = "", props: str = "") -> ui.html:
-        return ui.html(sanitize=False).classes(classes).props(props)
+    def _part(self, classes: str = "", props: str = "") -> ui.html:
+        loading = f'<div class="lm-quiet lm-loading">{escape(self._words(LOADING))}</div>'
+        return ui.html(loading, sanitize=False).classes(classes).props(props)
 
     def _button(self, name: str) -> ui.button:
-        button = ui.button(BUTTONS[name], on_click=lambda: self._do(name), color=None).props("no-caps")
+        button = ui.button(self._words(BUTTONS[name]), on_click=lambda: self._do(name), color=None).props("no-caps")
         button.classes("lm-button lm-second" if name == LEAVE else "lm-button")
         button.set_visibility(False)
         return button
@@ -121,18 +134,20 @@ class _Maintenance:
     async def _look(self) -> None:
         seen, standing = await asyncio.to_thread(self._look_at)
         sight = seen.sight
-        torque = "" if sight is None else _torque(sight)
+        say = self._words
+        torque = "" if sight is None else _torque(sight, say)
         wound_up = standing.fault is not None and not (seen.live or standing.released)
-        self._show(self._head, "head", seen, sight, _ago(seen), torque, wound_up)
-        self._show(self._alarms, "alarms", () if sight is None else sight.alarms)
-        self._show(self._devices, "devices", *((), ()) if sight is None else (sight.devices, sight.outputs))
-        self._show(self._limits, "limits", () if sight is None else sight.limits)
+        self._show(self._head, "head", seen, sight, _ago(seen, say), torque, wound_up, say)
+        self._show(self._alarms, "alarms", () if sight is None else sight.alarms, say)
+        read = ((), ()) if sight is None else (sight.devices, sight.outputs)
+        self._show(self._devices, "devices", *read, say, self._reading)
+        self._show(self._limits, "limits", () if sight is None else sight.limits, say, self._reading)
         self._show_way_back(standing, sight)
         if time.monotonic() - self._slow_s > SLOW_EVERY_S or (not seen.live and seen.run != self._compared):
             self._slow_s, self._compared = time.monotonic(), seen.run
             since, due = await asyncio.to_thread(self._look_slowly)
-            self._show(self._since, "since", since)
-            self._show(self._due, "due", due)
+            self._show(self._since, "since", since, say)
+            self._show(self._due, "due", due, say)
 
     def _look_at(self) -> tuple[Seen, Standing]:
         return self._station.bench.look(), self._station.bench.standing()
@@ -147,15 +162,10 @@ class _Maintenance:
     def _show_way_back(self, standing: Standing, sight: Sight | None) -> None:
         self._recovery = standing.recovery
         fault = standing.fault
-        if fault is None:
-            text = standing.why_none
-        else:
-            left = NOBODY_SAW if fault.left is None else f"It was {fault.left.text}. Next: {fault.left.next_action}."
-            text = f"Run {fault.run} on bench {fault.bench} ended: {fault.state}. {fault.cause} {left}"
-            text = f"Recovered. {text}" if standing.released else text
-            text += f" The last try did not release the unit: {standing.said}" if standing.said else ""
+        text = self._words(standing.why_none) if fault is None else fault_said(standing, fault, self._words)
         self._why.set_text(text)
-        self._show(self._steps, "steps", steps(standing, sight) if fault is not None else (), MARKS)
+        rows = steps(standing, sight) if fault is not None else ()
+        self._show(self._steps, "steps", rows, MARKS, self._words, self._sentences)
         asked = bool(standing.recovery) and sight is not None and sight.settled
         offered = {
             BEGIN: fault is not None and not (standing.recovery or standing.released),
@@ -168,7 +178,7 @@ class _Maintenance:
     async def _do(self, name: str) -> None:
         values: JsonValue = {} if name == BEGIN else {"recovery": self._recovery}
         answer = await act(self._station, self._session, name, values)
-        self._refused.set_text(" ".join(one.text for one in answer.refused))
+        self._refused.set_text(" ".join(self._words(one.text) for one in answer.refused))
         self._refused.set_visibility(bool(answer.refused))
 
     def _show(self, part: ui.html, name: str, *values: Any) -> None:
@@ -178,16 +188,54 @@ class _Maintenance:
             self._shown[name] = html
             part.set_content(html)
 
+    def _reading(self, value: str) -> str:
+        """Return a value in words of this language, where it has any; a figure is taken as it stands."""
+        if not any(one.isalpha() for one in value):
+            return value
+        return ", ".join(self._words(part) if part in SAID else part for part in value.split(", "))
 
-def _torque(sight: Sight) -> str:
-    return "not known: no fresh sample" if sight.torque_nm is None else f"{signed(sight.torque_nm, 1)} N·m"
+    def _sentences(self, text: str) -> str:
+        return " ".join(self._words(one) for one in text.replace(". ", ".\n").split("\n"))
 
 
-def _ago(seen: Seen) -> str:
-    for unit, length in (("d", 86400.0), ("h", 3600.0), ("min", 60.0)):
+def fault_said(standing: Standing, fault: Fault, say: Words) -> str:
+    """Return after what a bench is to be recovered, how it was left, and what became of the last try."""
+    ended = say("Run {run} on bench {bench} ended: {state}.", run=fault.run, bench=fault.bench, state=say(fault.state))
+    said = [say("Recovered.")] if standing.released else []
+    said += [ended, _cause_said(fault.cause, say)]
+    said += [say(NOBODY_SAW)] if fault.left is None else [_left_said(fault.left, say)]
+    said += [say("The last try did not release the unit: {said}", said=standing.said)] if standing.said else []
+    return " ".join(one for one in said if one)
+
+
+def _cause_said(cause: str, say: Words) -> str:
+    """Return the first cause with what to do about it; what a drive said of itself stays as it is."""
+    for fault in FAULTS:
+        begin = f"{fault.text}. {fault.next_action}."
+        if cause.startswith(begin):
+            return f"{say(fault.text)}. {say(fault.next_action)}.{cause[len(begin) :]}"
+    return cause
+
+
+def _left_said(left: LeftState, say: Words) -> str:
+    torque = say("torque at the output not known")
+    if left.torque_nm is not None:
+        torque = say("{torque} N·m at the output", torque=signed(left.torque_nm, 1))
+    parts = ((torque, left.torque_known), (say(f"lock {left.lock}"), left.lock_known),
+             (say(f"drive {left.drive}"), left.drive_known))  # fmt: skip
+    how = ", ".join(text if known else f"{text} ({say('last known')})" for text, known in parts)
+    return say("It was left with {how}. Next: {action}.", how=how, action=say(left.next_action))
+
+
+def _torque(sight: Sight, say: Words) -> str:
+    return say("not known: no fresh sample") if sight.torque_nm is None else f"{signed(sight.torque_nm, 1)} N·m"
+
+
+def _ago(seen: Seen, say: Words) -> str:
+    for unit, length in (("{number} d", 86400.0), ("{number} h", 3600.0), ("{number} min", 60.0)):
         if seen.ago_s >= 2 * length:
-            return f", {seen.ago_s / length:.0f} {unit} ago"
-    return f", {max(seen.ago_s, 0.0):.0f} s ago"
+            return say(unit, number=f"{seen.ago_s / length:.0f}")
+    return say("{number} s", number=f"{max(seen.ago_s, 0.0):.0f}")
 
 
 @functools.cache

@@ -29,7 +29,7 @@ from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.live import GrowingLoop, Looks
 from station.web.pages.quality_figures import Options
-from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown
+from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown, attempts_said
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
@@ -180,9 +180,8 @@ class _Page:
         if shown in VERDICTS.values():
             to_do = LABEL_FIRST if self._awaited else now.to_do or shown.to_do
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
-        about = "  ".join(
-            part for part in (now.serial, now.attempt, now.recipe if now.stage == IS_RUNNING else "") if part
-        )
+        recipe = now.recipe if now.stage == IS_RUNNING else ""
+        about = "  ".join(part for part in (now.serial, attempts_said(now.attempt, self._words), recipe) if part)
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'

@@ -26,7 +26,7 @@ from station.web.pages.frame import (
     still_open,
     words_for,
 )
-from station.web.pages.words import SHAPES, local, verdict_text
+from station.web.pages.words import SHAPES, attempts_said, local, verdict_text
 from station.web.people.accounts import Session
 from station.web.rest.runs import begin_of
 from station.web.station import Station
@@ -178,7 +178,7 @@ class _Results:
         self._said.set_text(self._words(told))
         self._newer.set_enabled(self._first > 0)
         self._older.set_enabled(last < page.total)
-        rows = [row_of(one, self._words) for one in page.rows]
+        rows = [row_of(one, page.attempts.get(one.run, ""), self._words) for one in page.rows]
         if self._searches == 1:
             self._grid.options["rowData"] = rows
         else:  # by their ids: a row that stays keeps its elements, so that a click on it is not lost
@@ -201,8 +201,11 @@ class RunRow(TypedDict):
     report: str
 
 
-def row_of(one: StoredRun, say: Words) -> RunRow:
-    """Return what the table shows of a run; all but the links is text, and stays text whatever it holds."""
+def row_of(one: StoredRun, attempts: str, say: Words) -> RunRow:
+    """Return what the table shows of a run; all but the links is text, and stays text whatever it holds.
+
+    attempts: which one it is and what became of those before, in words.
+    """
     name, what = quote(one.run, safe=""), f"of {escape(one.serial)}, attempt {one.attempt}"
     judged = verdict_text(one)
     shape, _, word = judged.partition(" ")
@@ -216,7 +219,7 @@ def row_of(one: StoredRun, say: Words) -> RunRow:
         "model": one.model,
         "recipe": one.recipe if one.revision is None else f"{one.recipe} r{one.revision}",
         "operator": one.operator or "",
-        "notes": " ".join(_notes(one)),
+        "notes": " ".join(_notes(one, attempts, say)),
         # A record that is not as it was left has no report.
         "report": ""
         if one.altered
@@ -225,11 +228,13 @@ def row_of(one: StoredRun, say: Words) -> RunRow:
     }
 
 
-def _notes(one: StoredRun) -> list[str]:
-    notes = [f"No verdict: {text}." for text in one.altered.splitlines()[:1]]
-    notes += ["Faults were injected."] if one.scenario else []
-    notes += ["Virtual bench."] if one.virtual else []
-    return notes + (["Master part."] if one.master else [])
+def _notes(one: StoredRun, attempts: str, say: Words) -> list[str]:
+    notes = [say(f"No verdict: {text}.") for text in one.altered.splitlines()[:1]]
+    said = attempts_said(attempts, say)
+    notes += [f"{said[:1].upper()}{said[1:]}."] if one.attempt > 1 and attempts else []
+    notes += [say("Faults were injected.")] if one.scenario else []
+    notes += [say("Virtual bench.")] if one.virtual else []
+    return notes + ([say("Master part.")] if one.master else [])
 
 
 def _day(text: str | None) -> date | None:

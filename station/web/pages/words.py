@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import re
 from datetime import datetime
 from typing import NamedTuple
 
+from station.documents.manifest import STATES
+from station.records import run_record
+from station.store.attempts import ALTERED
 from station.store.stored_runs import StoredRun
+from station.web.languages import Words
 
 CIRCLE = (
     '<svg viewBox="0 0 100 100" aria-hidden="true"><circle cx="50" cy="50" r="46" fill="none" stroke="white" '
@@ -29,6 +34,12 @@ STYLES = {"PASS": "PASS", "FAIL": "FAIL", "NOT DECIDABLE": "OPEN"}
 
 NO_VERDICT = "–"
 
+OUTCOMES = ("PASS", "FAIL", "NOT DECIDABLE", *STATES, run_record.NOT_CONCLUDED, ALTERED)
+"""What may have become of an earlier attempt."""
+
+ATTEMPT = re.compile(rf"attempt (?P<number>\d+)(?: (?P<outcome>{'|'.join(OUTCOMES)}))?(?: (?P<failed>.+))?")
+"""An attempt as a record says it."""
+
 
 def verdict_text(one: StoredRun) -> str:
     """Return the verdict of a run with its shape; how the run ended where it has none."""
@@ -37,6 +48,22 @@ def verdict_text(one: StoredRun) -> str:
     if one.state != "complete":
         return f"{NO_VERDICT} {one.state.upper()}"
     return f"{SHAPES.get(one.verdict or '', NO_VERDICT)} {one.verdict or 'NO VERDICT'}"
+
+
+def attempts_said(text: str, say: Words) -> str:
+    """Return which attempt a run is and what became of those before in a language, from the words of a record.
+
+    The titles of metrics, and a reason that a person gave, stay as they are.
+    """
+    return "; ".join(_attempt_said(part, say) for part in text.split("; "))
+
+
+def _attempt_said(part: str, say: Words) -> str:
+    found = ATTEMPT.fullmatch(part)
+    if found is None:
+        return say(part)
+    said = say("attempt {number}", number=found["number"])
+    return " ".join(word for word in (said, say(found["outcome"] or ""), found["failed"]) if word)
 
 
 def local(moment: str | None) -> str:

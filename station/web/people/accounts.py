@@ -10,6 +10,7 @@ import hashlib
 import hmac
 import secrets
 from dataclasses import dataclass
+from pathlib import Path
 from threading import BoundedSemaphore
 from typing import Any
 
@@ -78,11 +79,23 @@ class Person:
 
 @dataclass(frozen=True)
 class Session:
-    """An open session: `token` is the browser's secret, `csrf` what each of its requests has to bring besides."""
+    """An open session: `token` is the browser's secret, `csrf` what each of its requests has to bring besides.
+
+    place: where it is, for the audit trail; '' of a browser or of REST.
+    """
 
     person: Person
     token: str
     csrf: str
+    place: str = ""
+
+
+def session_here(name: str | None, place: str) -> Session:
+    """Return the session of whoever stands at the bench's own terminal: an operator, without an account.
+
+    name: as they say themselves; None where nobody has said, and the place stands for them.
+    """
+    return Session(Person(name or place, "operator"), "", "", place)
 
 
 def first_password(connection: Connection) -> str | None:
@@ -92,6 +105,16 @@ def first_password(connection: Connection) -> str | None:
     password = secrets.token_urlsafe(9)
     add_person(connection, FIRST_ACCOUNT, "admin", password)
     return password
+
+
+def has_accounts(data: Path) -> bool:
+    """Say whether the station of a data folder has any account; a loop without a screen makes a station without."""
+    database = StationDatabase(data)
+    try:
+        with database.reading() as connection:
+            return connection.execute(select(PEOPLE.c.name).limit(1)).first() is not None
+    finally:
+        database.close()
 
 
 def first_is_changed(connection: Connection) -> bool:

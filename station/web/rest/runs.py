@@ -11,7 +11,7 @@ from fastapi import Depends, FastAPI, Query, Response
 from fastapi.responses import JSONResponse
 
 from station.errors import StationError
-from station.records.certificate_code import LONGEST_CODE, CodeError, check_code
+from station.records.certificate_code import LONGEST_CODE, CodeError, attempts_of, check_code
 from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.reports.content import LOOP_CSV
@@ -115,7 +115,9 @@ def add_runs(app: FastAPI, station: Station, refuse: Refuse) -> None:
         if refused is not None:
             return refused
         page = search(station.data, wanted, first=first, count=count)
-        shown = [{name: getattr(row, name) for name in SHOWN} for row in page.rows]
+        shown = [
+            {name: getattr(row, name) for name in SHOWN} | {"attempts": page.attempts.get(row.run)} for row in page.rows
+        ]
         return JSONResponse({"total": page.total, "behind": page.behind, "runs": shown})
 
     @app.get("/api/runs/{run}", summary="the result of a run", tags=["runs"], **answers(200, 401, 403, 404, 409, 503))
@@ -204,5 +206,5 @@ def add_certificates(app: FastAPI, station: Station, refuse: Refuse) -> None:
             return refused_with(BAD_INPUT, "code", str(error))
         return JSONResponse({
             "certificate": found.standing, "text": found.text, "run": found.run, "serial": found.serial,
-            "attempt": found.attempt, "verdict": found.verdict,
+            "attempt": found.attempt, "attempts": attempts_of(found), "verdict": found.verdict,
         })  # fmt: skip

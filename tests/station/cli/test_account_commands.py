@@ -120,3 +120,31 @@ def test_a_station_without_accounts_gets_its_first_one(tmp_path: Path, monkeypat
     password = made.out.split("password ")[1].split()[0]
     changed = terminal.run("users", "password", "--as", "admin", typed=(password, "good enough 9"))
     assert changed.exit_code == 0, changed.err
+
+
+def test_a_start_condition_is_bypassed_without_a_screen(terminal: Terminal) -> None:
+    add = ("bypass", "add", "master_parts", "--reason", "the part is at the calibration laboratory", "--hours", "4")
+    refused = terminal.run(*add, role="operator")
+    assert (refused.exit_code, "operator may not do this" in refused.err) == (2, True)
+    assert terminal.run(*add, role="technician").exit_code == 0
+    assert "bypassed by the technician" in terminal.run("bypass", "list").out
+    rows = {one["condition"]: one["bypass"] for one in terminal.run("bypass", "list", "--json").json}
+    assert [name for name, bypass in rows.items() if bypass] == ["master_parts"]
+    assert "recipe_released" not in rows, "of those that nobody may set aside"
+    assert terminal.run("bypass", "end", "master_parts", role="technician").exit_code == 0
+    assert "bypassed" not in terminal.run("bypass", "list").out
+    told = [line for line in terminal.lines() if "bypass" in line[1]]
+    assert told == [
+        ("the operator", "add_bypass", "refused"),
+        ("the technician", "add_bypass", "done"),
+        ("the technician", "end_bypass", "done"),
+    ]
+
+
+def test_a_station_that_only_a_line_has_used_says_that_it_has_no_accounts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    terminal = Terminal(tmp_path / "new", monkeypatch)
+    StationDatabase(tmp_path / "new").close()
+    assert "lostmotion users first" in terminal.run("users", "disable", "Ada", role="admin").err
+    assert here("bypass", "list", "--data", str(tmp_path)).exit_code == 2

@@ -41,6 +41,16 @@ def test_tables_are_those_of_the_figures(folder: Path) -> None:
     assert f"'{FORMULA}" in {row[1] for row in rows}
 
 
+def test_units_that_were_measured_again_are_named(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    store_run(data, "U1", [metric(1.5, verdict="FAIL")], failed="lost_motion")
+    store_run(data, "U2", [metric(0.5)], day=1)
+    assert "retests" not in {table.name for table in batch_of(data, Lot(), 0).tables}
+    again = store_run(data, "U1", [metric(0.5)], day=2)
+    tables = {table.name: table for table in batch_of(data, Lot(), 0).tables}
+    assert tables["retests"].rows == ((again.id, "U1", "PASS", "attempt 2; attempt 1 FAIL Lost motion"),)
+
+
 def test_a_page_a_pdf_and_files_with_every_loop(quick_run: Any, tmp_path: Path) -> None:
     out = tmp_path / "out"
     words = ("quality", "report", "--virtual", "--locale", "de", "--data", str(quick_run.data), "--out", str(out))

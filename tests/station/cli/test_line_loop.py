@@ -2,40 +2,64 @@
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import os
 import re
 import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from lostmotion_command import ROOT, here
 from station_support import write_models
 from stored_runs import metric, store_run
 
-from station.cli.measure.line import NOK, Line, Scans
+from station.cli.measure.at_terminal import AtTerminal
+from station.cli.measure.line import DO, NOK, Line
+from station.cli.measure.scans import Scans
+from station.web.bypasses import add_bypass
 from station.web.models import load_models
+from station.web.people.audit import lines_of, problems_of
+from station.web.people.database import StationDatabase
+from station.web.scanner_test import AS_GERMAN
+from station.web.settings import ScannerTest, Settings
+from station.web.station import Station
 
 CODES = {"PASS": 0, "FAIL": 1, "NOT DECIDABLE": 3}
 
 
-class Desk:
+class Desk(AtTerminal):
     """A loop whose runs end as a test says, in records as real as those of a bench."""
 
     def __init__(self, data: Path, verdicts: Sequence[str]) -> None:
         write_models(data)
+        super().__init__(data)
         self.data, self.verdicts, self.said = data, list(verdicts), []
         self.ran: list[list[str]] = []
-        self.line = Line(data, load_models(data, None), "A. Tester", self.run, self.said.append)
+        self.station = Station(data, StationDatabase(data), load_models(data, None), self)
+        self.line = Line(self.station, self, "A. Tester", self.said.append)
 
-    def run(self, options: Sequence[str]) -> int:
-        self.ran.append(list(options))
-        serial, verdict = options[options.index("--serial") + 1], self.verdicts.pop(0)
+    def start(self, options: Sequence[str], serial: str, likely: tuple[str, str] = ("", "")) -> None:
+        self.likely = likely
+        self.ran.append([*options, "--serial", serial])
+
+    def wait(self) -> int:
+        serial, verdict = self.ran[-1][-1], self.verdicts.pop(0)
         failed = "too wide" if verdict == "FAIL" else None
         reasons = ("the bench moved",) if verdict == "NOT DECIDABLE" else ()
         store_run(self.data, serial, [metric(0.4)], day=len(self.ran), failed=failed, reasons=reasons)
         return CODES[verdict]
+
+    def audited(self) -> list[tuple[str, str, dict[str, Any]]]:
+        """Return what stands in the audit trail, oldest first: action, outcome and the rest."""
+        with self.station.database.reading() as connection:
+            assert problems_of(connection) == []
+            found = lines_of(connection, 50)[::-1]
+        assert {(one.name, json.loads(one.detail)["at"]) for one in found} <= {("A. Tester", "lostmotion line")}
+        return [(one.action, one.outcome, json.loads(one.detail)) for one in found]
 
     def scan(self, *texts: str) -> str:
         """Take scans; return what was said to the last of them."""
@@ -53,6 +77,7 @@ def desk(tmp_path: Path) -> Desk:
 def test_a_good_unit_is_one_scan(desk: Desk) -> None:
     assert desk.scan("SN-1\r").startswith("PASS  SN-1")
     (options,) = desk.ran
+    assert "--no-report" not in options, "the recipe says whether a report is made"
     assert options[0].endswith("good.yaml")
     assert options[options.index("--operator") + 1] == "A. Tester"
     assert desk.line.has_run
@@ -67,12 +92,66 @@ def test_a_bad_unit_is_put_away_before_the_next(desk: Desk) -> None:
     assert [options[options.index("--serial") + 1] for options in desk.ran] == ["SN-1", "SN-2", "SN-3"]
 
 
-def test_a_loop_that_begins_anew_asks_for_the_bad_unit_again(desk: Desk) -> None:
-    desk.scan("SN-1", "SN-2", NOK)
-    again = Desk(desk.data, [])
+def test_a_loop_that_begins_anew_asks_for_a_bad_unit_that_is_not_put_away(desk: Desk) -> None:
+    desk.scan("SN-1", "SN-2")
+    again = Desk(desk.data, ["PASS"])
     again.line.begin()
     assert "is bad" in again.said[0]
     assert again.scan("SN-3").startswith("REFUSED")
+    again.scan(NOK)
+    third = Desk(desk.data, ["PASS"])
+    third.line.begin()
+    assert third.said == [DO["PASS"]], "it is in the box, whoever asks"
+    assert third.scan("SN-3").startswith("PASS")
+
+
+def test_what_is_done_and_refused_stands_in_the_audit_trail(desk: Desk) -> None:
+    """Starts, those that were refused, reasons of a retest, units in the NOK box, and scans during a run."""
+    desk.scan("SN-1", "SN-1", "loose", "SN-3", "NOK", "SN-1", "SN-2")
+    desk.line.refuse(["SN-8\n"])
+    told = [
+        (action, outcome, detail.get("scanned"), detail.get("reasons")) for action, outcome, detail in desk.audited()
+    ]
+    assert told == [
+        ("start_run", "done", "SN-1", None),
+        ("start_run", "refused", "SN-1", ["retest_reason"]),
+        ("start_run", "done", "SN-1", None),
+        ("start_run", "refused", "SN-3", ["bad_unit_put_away"]),
+        ("confirm_nok", "done", None, None),
+        ("start_run", "refused", "SN-1", ["attempts_left"]),
+        ("start_run", "done", "SN-2", None),
+        ("start_run", "refused", "SN-8\n", ["bench_free"]),
+    ]
+    assert desk.audited()[2][2]["retest_reason"] == "loose"
+    assert desk.audited()[4][2]["after"] == {"put_away_by": "A. Tester"}
+
+
+def test_a_bypass_counts_here_too_and_stands_in_the_record(desk: Desk) -> None:
+    desk.verdicts[:] = ["PASS", "PASS"]
+    desk.scan("SN-1")
+    with desk.station.database.writing() as connection:
+        add_bypass(connection, "retest_reason", "Ada", "trial of the fixture", 2.0)
+    desk.line.begin()
+    assert any("bypassed by Ada" in one for one in desk.said)
+    assert desk.scan("SN-1").startswith("PASS")
+    assert "trial of the fixture" in desk.ran[1][desk.ran[1].index("--note") + 1]
+
+
+def test_the_test_code_of_the_scanner_is_asked_for_here_too(desk: Desk) -> None:
+    settings = Settings(scanner_test=ScannerTest())
+    asked = Desk(desk.data, ["PASS"])
+    asked.line = Line(dataclasses.replace(asked.station, settings=settings), asked, "A. Tester", asked.said.append)
+    assert "test code" in asked.scan("SN-1")
+    assert "y and z" in asked.scan(ScannerTest().code.translate(AS_GERMAN))
+    assert "The scanner works" in asked.scan(f"{ScannerTest().code}\r")
+    assert asked.scan("SN-1").startswith("PASS")
+
+
+def test_who_does_not_say_their_name_is_none_in_the_record(desk: Desk) -> None:
+    Line(desk.station, desk, None, desk.said.append).take("SN-1")
+    assert "--operator" not in desk.ran[0]
+    with desk.station.database.reading() as connection:
+        assert lines_of(connection, 1)[0].name == "lostmotion line"
 
 
 def test_a_retest_needs_a_reason_and_an_empty_line_leaves_it(desk: Desk) -> None:
@@ -138,5 +217,6 @@ def test_scans_become_runs_over_wires_and_those_during_a_run_are_refused(tmp_pat
     assert line.returncode == 0
     assert re.search("^PASS  SN-7", said, re.MULTILINE), said
     assert re.search("^REFUSED  'SN-8' was scanned during a run", said, re.MULTILINE), said
+    assert here("audit", "verify", "--data", str(data)).exit_code == 0
     (run,) = here("list", "--data", str(data), "--json").json
     assert (run["serial"], run["verdict"]) == ("SN-7", "PASS")

@@ -12,6 +12,8 @@ from lostmotion_command import here
 from stored_runs import metric, store_run
 
 from station.cli.csv_columns import read_csv_columns
+from station.store.run_search import search
+from station.store.stored_runs import Wanted
 
 
 @pytest.fixture
@@ -94,3 +96,33 @@ def test_bad_input_is_refused(data: Path, words: tuple[str, ...]) -> None:
     ran = here("runs", *(() if words[0] == "--data" else ("--data", str(data))), *words)
     assert ran.exit_code == 2
     assert words[0] in ran.err
+
+
+def test_every_list_says_what_became_of_the_attempts_before(tmp_path: Path) -> None:
+    """Of a unit that was measured until it passed: on the screen, as CSV and as JSON, from the folder and the store."""
+    data = tmp_path / "runs"
+    store_run(data, "A1", [metric(1.2, verdict="FAIL", title="Lost motion (x)")], failed="too wide")
+    store_run(data, "B2", [metric(0.4)], day=1)
+    store_run(data, "A1", [metric(0.5)], day=2, state="stopped")
+    store_run(data, "A1", [metric(0.5)], day=3)
+    third = "attempt 3; attempt 1 FAIL Lost motion; attempt 2 NOT DECIDABLE"
+    assert [row["attempts"] for row in table("--data", str(data))] == [
+        "attempt 1", "attempt 1", "attempt 2; attempt 1 FAIL Lost motion", third,
+    ]  # fmt: skip
+    assert here("runs", "--data", str(data), "--json").json["runs"][-1]["attempts"] == third
+    assert "attempt 1 FAIL Lost motion; attempt 2" in here("runs", "--data", str(data)).out, "and the rest below"
+    assert here("list", "--data", str(data), "--json").json[-1]["attempts"] == third
+    assert "attempt 1 FAIL Lost motion; attempt 2 NOT DECIDABLE" in here("list", "--data", str(data)).out
+    for number in range(60):  # older ones are read from the store
+        store_run(data, f"C{number}", [metric(0.4)], day=4 + number)
+    assert here("list", "--all", "--data", str(data), "--json").json[3]["attempts"] == third
+    page = search(data, Wanted(serial="A1"))
+    assert page.attempts[page.rows[0].run] == third
+
+
+def test_an_earlier_attempt_whose_record_was_changed_has_no_verdict_here_either(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    first = store_run(data, "A1", [metric(1.2, verdict="FAIL")], failed="too wide")
+    store_run(data, "A1", [metric(0.5)], day=1)
+    (first.folder / "result.json").write_text("{}")
+    assert [row["attempts"] for row in table("--data", str(data))] == ["attempt 1", "attempt 2; attempt 1 altered"]

@@ -77,9 +77,33 @@ def test_a_lot_is_read_back_with_value_limits_serial_and_events(good: bytes) -> 
     assert [one.events for one in first] == [(), (), (), (), (2, 4), (1,)]
     assert ours.rows[2].values[2].value is None
     limits = [{key: one.get(key) for key in (*LIMITS, *LIMITS.values())} for one in ours.characteristics]
-    assert limits[0] == {"K2110": None, "K2111": "1", "K2120": "0", "K2121": "1"}
+    assert limits[0] == {"K2110": "0", "K2111": "1", "K2120": "2", "K2121": "1"}, "no backlash is below zero"
     assert limits[2] == {"K2110": "108", "K2111": "130.5", "K2120": "1", "K2121": "1"}
     assert first[0].moment == datetime(2026, 1, 15, 8)  # noqa: DTZ001 - UTC by the format
+
+
+@pytest.mark.parametrize(
+    ("name", "limits", "kinds"),
+    [
+        ("lost_motion", {"max": 1.0}, {"K2110": "0", "K2111": "1", "K2120": "2", "K2121": "1"}),
+        ("lost_motion", {"min": 0.1, "max": 1.0}, {"K2110": "0.1", "K2111": "1", "K2120": "1", "K2121": "1"}),
+        ("lost_motion", {}, {"K2110": None, "K2111": None, "K2120": "0", "K2121": "0"}),
+        ("spring_constant", {"min": 108.0}, {"K2110": "108", "K2111": None, "K2120": "1", "K2121": "0"}),
+        ("grade", {"min": 1.0}, {"K2110": "1", "K2111": "2", "K2120": "1", "K2121": "2"}),
+        ("grade", {"max": 1.0}, {"K2110": "1", "K2111": "1", "K2120": "2", "K2121": "1"}),
+        ("torque_ratio_offset", {"max": 1.0}, {"K2110": None, "K2111": "1", "K2120": "0", "K2121": "1"}),
+    ],
+)
+def test_opposite_the_one_limit_stands_the_natural_one_of_the_metric(
+    name: str, limits: dict[str, float], kinds: dict[str, str | None], tmp_path: Path
+) -> None:
+    store_run(tmp_path, "SN", [metric(0.4, id=name, unit=METRICS[name].unit, limits=limits, side="both", sides={})])
+    with production(tmp_path) as look:
+        content = dfq_of_lot(look, LOT, "a test").content
+    theirs = by_another_program(content).get_part(0).get_characteristic_by_index(1)
+    for key, value in kinds.items():
+        read = theirs.get_data(key)
+        assert (None if read is None else str(read)) == value, key
 
 
 def test_one_run_and_a_lot_by_the_commands(folder: Path, tmp_path: Path) -> None:
@@ -144,7 +168,11 @@ MALFORMED: dict[str, tuple[Callable[[str], str], str]] = {
     "limit that is no number": (swap("K2111/1 1", "K2111/1 one"), "expected a number"),
     "limit with a decimal comma": (swap("K2111/3 130.5", "K2111/3 130,5"), "with a point"),
     "limit that is infinite": (swap("K2111/1 1", "K2111/1 1e999"), "expected a number"),
-    "limit where none is": (swap("K2121/1 1", "K2121/1 0"), "K2111/1: a limit stands exactly where K2121 is 1"),
+    "limit where none is": (swap("K2121/1 1", "K2121/1 0"), "K2111/1: a limit stands exactly where K2121 is 1 or 2"),
+    "natural limit without its value": (swap("K2110/1 0\r\n", ""), "K2110/1: a limit stands exactly"),
+    "natural limits alone": (swap("K2121/1 1", "K2121/1 2"), "K2120/1: a natural limit stands only opposite"),
+    "kind of limit that is none": (swap("K2120/1 2", "K2120/1 3"), "expected 0 or 1 or 2"),
+    "specified limit below the natural one": (swap("K2111/1 1", "K2111/1 -1"), "K2110/1: 0 is above the upper limit"),
     "no limit where one is": (swap("K2111/1 1\r\n", ""), "K2111/1: a limit stands exactly"),
     "limits exchanged": (swap("K2110/3 108", "K2110/3 131"), "is above the upper limit"),
     "field behind the values": (lambda text: text + "K2900/1 late\r\n", "behind the first line of values"),

@@ -19,7 +19,7 @@ from benchmarks.many_runs import make_runs
 from recipes import parse_recipe
 from station.documents.result import Result
 from station.errors import StationError
-from station.quality.limits_trial import Tried, _side_risks, draft_of, flips_with_reasons, limits_trial
+from station.quality.limits_trial import Tried, draft_of, flips_with_reasons, limits_trial, side_risks
 from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.records.revisions.revision import State
@@ -124,7 +124,7 @@ def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None
     with production(data) as look:
         lot = Lot(virtual=True)
         found = limits_trial(look, lot, Tried("torque_ratio_slope", limit_max=1.0, guard_factor=0.5))
-        with pytest.raises(StationError, match="the limits to try are those of the recipe"):
+        with pytest.raises(StationError, match="what is to be tried is what the recipe has"):
             limits_trial(look, lot, Tried("torque_ratio_slope"))
         with pytest.raises(AnalysisError, match="min 2 is above max 1"):
             limits_trial(look, lot, Tried("torque_ratio_slope", limit_min=2.0, limit_max=1.0))
@@ -150,7 +150,7 @@ def test_a_stricter_limit_moves_the_risk_from_the_customer_to_the_maker() -> Non
     rows = [
         ValueRow(f"R{n}", f"U{n}", "", "", float(value), 0.04) for n, value in enumerate(random.normal(0.9, 0.06, 200))
     ]
-    found = _side_risks("+", rows, Rule(None, 1.0, None), Rule(None, 1.0, 1.0))
+    found = side_risks("+", rows, Rule(None, 1.0, None), Rule(None, 1.0, 1.0))
     assert (found.before.false_accept, found.before.false_reject) == pytest.approx((0.0129, 0.0163), abs=0.01)
     assert found.after.false_accept < found.before.false_accept
     assert found.after.false_reject > found.before.false_reject
@@ -162,7 +162,7 @@ def test_of_an_interrupted_run_u_is_a_third_of_what_is_stated() -> None:
     values = [float(one) for one in np.random.default_rng(2).normal(0.9, 0.06, 200)]
     rows = [ValueRow(f"R{n}", f"U{n}", "", "", one, 0.04, 2.0) for n, one in enumerate(values)]
     held = [row._replace(uncertainty=0.06, coverage_factor=3.0) for row in rows]
-    usual, other = (_side_risks("+", some, Rule(None, 1.0, None), Rule(None, 1.0, 1.0)) for some in (rows, held))
+    usual, other = (side_risks("+", some, Rule(None, 1.0, None), Rule(None, 1.0, 1.0)) for some in (rows, held))
     assert (other.u, other.sd_process) == pytest.approx((usual.u, usual.sd_process))
     assert (usual.after.guard, other.after.guard) == pytest.approx((0.04, 0.06))
 

@@ -17,6 +17,7 @@ from station.errors import StationError
 from station.quality.figures import causes_of, trend_of, yield_of
 from station.records.chain.chain_file import Chain
 from station.store import engine
+from station.store import stored_runs as stored
 from station.store.engine import VERSIONS, StoreError
 from station.store.outbox import put_runs, rebuild, remove_runs
 from station.store.places import STORE_URL
@@ -115,13 +116,45 @@ def _figures(look: Production, lot: Lot) -> tuple[list[Any], list[float]]:
     return counts, numbers
 
 
+WITHIN_AN_HOUR = MIDDAY.replace(":00:00", ":17:00")
+SEARCHES = (
+    Wanted(), Wanted(verdict="FAIL"), Wanted(operator="A", since=MIDDAY), Wanted(master="PASS"),
+    Wanted(recipe="other", until=MIDDAY), Wanted(begins="U1"), Wanted(serial="U7"), Wanted(model="none"),
+    Wanted(since=BEFORE_ALL), Wanted(until=WITHIN_AN_HOUR), Wanted(since=WITHIN_AN_HOUR, verdict="PASS"),
+)  # fmt: skip
+
+
 def test_the_number_of_runs_found_is_that_of_the_runs(plant: Path) -> None:
-    wanted = [Wanted(), Wanted(verdict="FAIL"), Wanted(operator="A", since=MIDDAY), Wanted(master="PASS"),
-              Wanted(recipe="other", until=MIDDAY), Wanted(begins="U1"), Wanted(serial="U7"), Wanted(model="none"),
-              Wanted(since=BEFORE_ALL)]  # fmt: skip
-    for one in wanted:
+    for one in SEARCHES:
         found = search(plant, one, count=500)
         assert found.total == len(found.rows), one
+
+
+@pytest.mark.parametrize("dearer", [0, 10**9])
+def test_runs_are_found_alike_past_those_between_and_by_their_hours(
+    plant: Path, dearer: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is found is what was asked for, newest first, page by page, whichever way the database goes."""
+    monkeypatch.setattr(stored, "DEARER_BY_HOUR", dearer)
+    every = search(plant, Wanted(), count=500).rows
+    names = ("serial", "model", "recipe", "verdict", "operator", "master")
+    for one in SEARCHES:
+        asked = {name: value for name in names if (value := getattr(one, name)) is not None}
+        right = [
+            row.run
+            for row in sorted(every, key=lambda row: row.run, reverse=True)
+            if all(getattr(row, name) == value for name, value in asked.items())
+            and row.serial.startswith(one.begins or "")
+            and (one.since or "") <= row.started < (one.until or "9")
+        ]
+        pages = [row.run for first in (0, 7, 14) for row in search(plant, one, first=first, count=7).rows]
+        assert pages == right[:21], one
+
+
+def test_recipes_and_models_are_told_each_once(plant: Path) -> None:
+    found = search(plant, Wanted(), count=500)
+    assert found.recipes == tuple(sorted({row.recipe for row in found.rows}))
+    assert found.models == tuple(sorted({row.model for row in found.rows}))
 
 
 def test_hours_and_retests_are_those_of_a_store_that_is_made_anew(plant: Path) -> None:

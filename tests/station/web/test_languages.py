@@ -19,9 +19,9 @@ from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
 from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
-from station.web.pages import frame, jog, operator, people, results, words
+from station.web.pages import frame, jog, maintenance, operator, people, results, words
 from station.web.pages.operator import enter_page
-from station.web.pages.words import Shown
+from station.web.pages.words import Shown, attempts_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
@@ -67,6 +67,7 @@ TEXTS = [
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
+    *said(maintenance), *maintenance.BUTTONS.values(), *maintenance.SAID, maintenance.LOADING, maintenance.NOBODY_SAW,
     *said(jog), *said(people), *titles(people), *people.COLUMNS, *people.DONE.values(),
     OPEN, FIRST, LOCKED, CLOSED, "yes", "no",
     *jog.KEYS.values(), *jog.TOLD, *jog.WORDS.values(), *jog.SHARES.values(), jog.MAY_JOG,
@@ -165,6 +166,18 @@ def test_values_are_taken_over_as_they_are() -> None:
     assert say("what nobody has translated") == "what nobody has translated"
     assert Words(ENGLISH)(filled) == filled
     assert Words("xx").language == ENGLISH
+
+
+def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_is_left() -> None:
+    text = "attempt 4; attempt 1 FAIL Backlash, Lost motion; attempt 2 stopped; attempt 3 not concluded"
+    assert attempts_said(text, words_of(ENGLISH)) == text
+    assert attempts_said(f"{text}; measured again: seating; loose", words_of("de")) == (
+        "Versuch 4; Versuch 1 NICHT IN ORDNUNG Backlash, Lost motion; Versuch 2 abgebrochen; "
+        "Versuch 3 nicht abgeschlossen; erneut geprüft: seating; loose"
+    )
+    for outcome in words.OUTCOMES:
+        assert attempts_said(f"attempt 1 {outcome}", words_of("zh")) != f"attempt 1 {outcome}"
+        assert outcome not in attempts_said(f"attempt 1 {outcome}", words_of("zh"))
 
 
 def test_a_reason_of_a_failed_metric_is_said_in_both_forms() -> None:

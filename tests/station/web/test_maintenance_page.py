@@ -133,3 +133,25 @@ def test_a_certificate_is_checked_by_its_code(station: Served, page: playwright.
         code.fill(text)
         page.keyboard.press("Enter")
         page.wait_for_selector(f"{shown}")
+
+
+def test_the_page_says_that_it_loads_until_the_first_look_has_come(station: Served, page: playwright.Page) -> None:
+    """A page whose connection is not there yet, as on a computer that does other things: no empty cards."""
+    cut = page.context.new_page()
+    cut.route_web_socket(re.compile("socket"), lambda _: None)
+    cut.goto(f"{station.url}/maintenance")
+    cut.wait_for_selector(".lm-loading >> nth=6")
+    assert {one.inner_text() for one in cut.locator(".lm-loading").all()} == {"Being read."}
+    cut.close()
+    page.goto(f"{station.url}/maintenance")
+    page.wait_for_selector("section[aria-label='Servo drive']")
+    page.wait_for_function("() => !document.querySelector('.lm-loading')")
+
+
+def test_a_technician_reads_the_page_in_german(page: playwright.Page) -> None:
+    page.get_by_role("button", name="Deutsch").click()
+    page.wait_for_selector("section[aria-label='Servoantrieb'] td:has-text('Drehmoment Antrieb')")
+    page.wait_for_selector("h2:has-text('Wiederherstellung nach einer Störung')")
+    page.wait_for_selector(".lm-not-live:has-text('NICHT LIVE')")
+    page.get_by_role("button", name="English").click()
+    page.wait_for_selector("section[aria-label='Servo drive']")

@@ -97,14 +97,14 @@ def test_a_row_shows_texts_as_texts() -> None:
     row = stored(run="R 1/../x", serial="<script>alert(1)</script>", recipe="<b>r</b>", scenario="f.yaml",
                  started="2026-01-02T03:04:05.000+00:00", operator="<img src=x onerror=alert(1)>",
                  verdict="FAIL")  # fmt: skip
-    shown = row_of(row, words_of(ENGLISH))
+    shown = row_of(row, "attempt 2; attempt 1 FAIL <b>", words_of(ENGLISH))
     assert shown["operator"] == row.operator, "the table's own cells are text"
     for name in LINKS:
         assert "<script>" not in shown[name]
     assert "/api/runs/R%201%2F..%2Fx/report.html" in shown["report"]
     assert 'href="/runs/R%201%2F..%2Fx"' in shown["open"]
     assert "FAIL" in shown["verdict"]
-    altered = row_of(row._replace(altered="result.json: is missing", verdict=None), words_of(ENGLISH))
+    altered = row_of(row._replace(altered="result.json: is missing", verdict=None), "", words_of(ENGLISH))
     assert altered["report"] == "", "it would be refused"
     assert "result.json: is missing" in altered["notes"]
     stopped = row._replace(state="stopped", verdict=None)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from pathlib import Path
 
 import pytest
@@ -12,9 +11,8 @@ from station_support import released, write_models
 
 from recipes import RecipeError
 from recipes.shipped import parse_recipe
-from station.cli.measure.line import DO, _to_do
-from station.web.models import load_models
-from station.web.permission import Wanted, situation_of
+from station.cli.measure.at_terminal import AtTerminal
+from station.cli.measure.line import DO, to_do
 
 SAID = "Red box at gate 3 <b>. Tell the shift leader."
 OWN = f"what_to_do: {{passed: '{SAID}', failed: '{SAID}'}}\n"
@@ -33,11 +31,11 @@ def test_a_recipe_says_what_is_done_and_at_the_terminal_how_a_bad_unit_is_put_aw
     recipe = written(tmp_path / "runs", OWN)
     found = parse_recipe(recipe.read_bytes(), str(recipe)).what_to_do
     assert [found.after(one) for one in ("PASS", "FAIL", "NOT DECIDABLE", None)] == [SAID, SAID, "", ""]
-    models = load_models(tmp_path / "runs", None)
-    now = situation_of(tmp_path / "runs", models, Wanted("SN-1"), busy=False, confirmed=frozenset())
-    assert [_to_do(now, one) for one in ("PASS", "NOT DECIDABLE")] == [SAID, DO["NOT DECIDABLE"]]
-    assert _to_do(now, "FAIL") == f"{SAID} Then scan the code on the NOK box, or type NOK."
-    assert _to_do(dataclasses.replace(now, job=None), "FAIL") == DO["FAIL"]
+    bench = AtTerminal(tmp_path / "runs", (str(recipe), ""))
+    own = {one: bench.to_do_after(one) for one in DO}
+    assert [to_do(own[one], one) for one in ("PASS", "NOT DECIDABLE")] == [SAID, DO["NOT DECIDABLE"]]
+    assert to_do(own["FAIL"], "FAIL") == f"{SAID} Then scan the code on the NOK box, or type NOK."
+    assert to_do(AtTerminal(tmp_path / "runs").to_do_after("FAIL"), "FAIL") == DO["FAIL"]
 
 
 @pytest.mark.parametrize("more", ["what_to_do: {failed: 'a\\tb'}", f"what_to_do: {{failed: {'x' * 121}}}"])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,9 +31,11 @@ from station.quality.figures import (
     trend_of,
     yield_of,
 )
-from station.quality.limits_trial import Trial, Tried, draft_text, limits_trial
+from station.quality.limits_trial import Trial, Tried, draft_text, limits_trial, recipe_of
+from station.quality.recipe_change import other_definitions
 from station.records.data_folder import Store
 from station.store.quality.lot import Lot, production
+from station.store.quality.values import characteristic
 from station.wall_clock import WALL_CLOCK
 from station.web.models import Models
 
@@ -132,6 +135,16 @@ def page_trial(data: Path, lot: Lot, tried: Tried) -> Trial:
         return limits_trial(look, lot, tried, MOST_FLIPS)
 
 
-def page_draft(data: Path, lot: Lot, tried: Tried) -> str:
+def page_definitions(data: Path, lot: Lot, metric: str) -> tuple[str, ...]:
+    """Return other definitions of a metric that can be tried; none where the recipe does not name it once."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        lot = look.one_recipe(lot)
+        recipe, what = recipe_of(look, lot), characteristic(look, lot, metric)
+    with suppress(StationError):
+        return other_definitions(recipe, what.metric)
+    return ()
+
+
+def page_draft(data: Path, found: Trial) -> str:
     """Return the recipe of the lot with what was tried, as the text of its next revision."""
-    return draft_text(data, page_trial(data, lot, tried)).decode()
+    return draft_text(data, found).decode()

@@ -172,7 +172,7 @@ class _Quality:
         self._metric.set_options(names, value=kept)
         self._filling = False
         self._bench.set_metrics(names, kept)
-        self._trial.set_metrics(names, kept)
+        await self._trial.set_metrics(names, kept)
         await self._chart()
         await self._trend()
 

@@ -1,4 +1,8 @@
-"""Limits on trial on the page of quality: which verdicts of the lot flip, at what risk, and the recipe as a draft."""
+"""Limits on trial on the page of quality: which verdicts of the lot flip, at what risk, and the recipe as a draft.
+
+Other limits are judged by the store at once. Another definition is evaluated run by run beside the server, and the
+card shows how far that is; who comes back to the page finds it there.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,24 @@ from html import escape
 
 from nicegui import ui
 
+from station.errors import StationError
 from station.quality.limits_trial import Trial, Tried
 from station.store.quality.lot import Lot
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
+from station.web.definition_trials import TrialState
 from station.web.pages.frame import act
-from station.web.pages.quality.made import MOST_FLIPS, page_draft, page_trial
+from station.web.pages.quality.made import MOST_FLIPS, page_definitions, page_draft, page_trial
 from station.web.pages.quality.parts import card, made_beside
-from station.web.pages.quality.trial_html import flips_html, risks_html, trial_words, verdicts_html
+from station.web.pages.quality.trial_html import (
+    definition_title,
+    failed_html,
+    flips_html,
+    progress_words,
+    risks_html,
+    trial_words,
+    verdicts_html,
+)
 from station.web.pages.recipes.editor import address_of
 from station.web.people.accounts import Session
 from station.web.station import Station
@@ -23,47 +37,99 @@ from station.web.station import Station
 NONE = "none"
 """What takes a limit away."""
 
+AS_IT_IS = ""
+NEWEST = (50, 200, 2000)
+"""Newest first attempts that another definition can be tried on: half a minute, two minutes, a quarter of an hour."""
+
+LOOK_EVERY_S = 1.0
+
 
 class TrialCard:
     """The card; lot: says which one is chosen on the page."""
 
     def __init__(self, station: Station, session: Session, lot: Callable[[], Lot]) -> None:
         self._station, self._session, self._lot = station, session, lot
-        self._tried: tuple[Lot, Tried] | None = None
+        self._found: Trial | None = None
+        self._shown: TrialState | None = None
+        self._defines = session.person.role in ACTIONS["begin_study"].roles
 
     def build(self) -> None:
         """Lay it out."""
         with card("Limits on trial").classes("lm-whole-row lm-trial"):
             with ui.row().classes("lm-choose-row"):
-                self._metric = ui.select({}, label="Metric on trial", on_change=self.forget).props("outlined dense")
+                self._metric = ui.select({}, label="Metric on trial", on_change=self._metric_chosen).props(
+                    "outlined dense"
+                )
+                self._definition = ui.select(
+                    {AS_IT_IS: "as it is"}, value=AS_IT_IS, label="Defined as", with_input=True,
+                    new_value_mode="add-unique", on_change=self._definition_chosen,
+                ).props("outlined dense").classes("lm-definition")  # fmt: skip
                 self._low, self._high, self._guard = (
                     ui.input(label, on_change=self.forget).props("outlined dense")
                     for label in ("New min", "New max", "New guard band, × U")
                 )
+                self._newest = ui.select(
+                    {number: f"newest {number}" for number in NEWEST}, value=NEWEST[0], label="Runs",
+                    on_change=self.forget,
+                ).props("outlined dense")  # fmt: skip
                 ui.button("Try", on_click=self._try).props("outline no-caps")
                 self._save = ui.button("Save as draft", on_click=self._save_draft).props("outline no-caps")
             ui.label(
                 f"An empty field keeps the present limit, {NONE!r} removes it. A guard band of 0 ignores the "
                 "uncertainty. No stored verdict changes."
             ).classes("lm-words")
+            self._explained = ui.label(
+                "For another definition every run is evaluated again, about half a second each, while the bench goes "
+                "on. Choose one, or type it as a recipe has it: stiffness_at torque=50% branch=load."
+            ).classes("lm-words")
+            with ui.row().classes("lm-choose-row") as self._progress:
+                self._bar = ui.linear_progress(0.0, show_value=False).classes("lm-progress")
+                self._far = ui.label().classes("lm-words").props('role="status"')
+                ui.button("Stop", on_click=self._stop).props("outline no-caps")
             self._said = ui.html("", sanitize=False).classes("lm-words").props('role="status" aria-live="polite"')
             with ui.element("div").classes("lm-side-by-side"):
                 self._verdicts = ui.html("", sanitize=False)
                 self._risks = ui.html("", sanitize=False)
             self._flips = ui.html("", sanitize=False).classes("lm-flips")
+        self._definition.set_visibility(self._defines)
         self.forget()
+        ui.timer(LOOK_EVERY_S, self._look)
 
-    def set_metrics(self, names: dict[str, str], chosen: str) -> None:
+    async def set_metrics(self, names: dict[str, str], chosen: str) -> None:
         """Offer metrics."""
         self._metric.set_options(names, value=self._metric.value if self._metric.value in names else chosen)
+        await self._metric_chosen()
+
+    async def _metric_chosen(self) -> None:
+        self._definition.set_value(AS_IT_IS)
+        self.forget()
+        if not self._metric.value or not self._defines:
+            return
+        self._definition.disable()
+        asked = (self._lot(), str(self._metric.value))
+        texts = await made_beside(self._station, page_definitions, *asked, said=self._tell) or ()
+        if asked != (self._lot(), self._metric.value):
+            return  # another one was chosen meanwhile, and is asked for
+        chosen = self._definition.value or AS_IT_IS
+        offered = {AS_IT_IS: "as it is"} | {one: definition_title(one) for one in texts}
+        self._definition.set_options({chosen: chosen} | offered, value=chosen)
+        self._definition.enable()
+
+    def _definition_chosen(self) -> None:
         self.forget()
 
     def forget(self) -> None:
         """Show nothing: what was tried is not what is chosen any more."""
-        self._tried = None
+        self._found = None
         self._save.set_visibility(False)
+        other = bool(self._other())
+        self._newest.set_visibility(other)
+        self._explained.set_visibility(other)
         for part in (self._said, self._verdicts, self._risks, self._flips):
             part.set_content("")
+
+    def _other(self) -> str:
+        return str(self._definition.value or "").strip() if self._defines else ""
 
     def _asked(self) -> Tried | None:
         try:
@@ -74,7 +140,7 @@ class TrialCard:
         except ValueError:
             self._said.set_content("Limits are numbers with a point for decimals; a guard band is from 0 to 1.")
             return None
-        return Tried(str(self._metric.value), None, low, high, guard)
+        return Tried(str(self._metric.value), None, low, high, guard, self._other())
 
     async def _try(self) -> None:
         self.forget()
@@ -82,22 +148,58 @@ class TrialCard:
         if tried is None or not self._metric.value:
             return
         lot = self._lot()
-        found = await made_beside(self._station, page_trial, lot, tried, said=self._tell)
-        if found is not None:
-            self._tried = lot, tried
-            self._show(found)
+        if not tried.definition:
+            found = await made_beside(self._station, page_trial, lot, tried, said=self._tell)
+            if found is not None:
+                self._show(found)
+            return
+        try:
+            self._station.trials.start(self._station.data, lot._replace(newest=self._newest.value), tried)
+        except StationError as error:
+            self._tell(str(error))
+        self._look()
+
+    def _look(self) -> None:
+        """Show how far the definition on trial is, and what came of it once."""
+        now = self._station.trials.state
+        running = now is not None and now.running and self._defines
+        self._progress.set_visibility(running)
+        if now is None or not self._defines or now is self._shown:
+            return
+        before, self._shown = self._shown, now
+        if now.running:
+            self._bar.set_value(now.done / now.of if now.of else 0.0)
+            self._far.set_text(progress_words(now))
+            return
+        if not self._same_lot(now):
+            if before is not None:
+                self._tell(f"{now.tried.definition}: the trial over another lot has ended.")
+            return
+        self.forget()
+        if now.found is None:
+            self._tell(now.error)
+        else:
+            self._show(now.found)
+
+    def _same_lot(self, now: TrialState) -> bool:
+        return self._lot()._replace(newest=now.lot.newest) == now.lot
+
+    def _stop(self) -> None:
+        self._station.trials.stop()
+        self._look()
 
     def _show(self, found: Trial) -> None:
+        self._found = found
         self._tell(trial_words(found))
         self._verdicts.set_content(verdicts_html(found))
         self._risks.set_content(risks_html(found))
-        self._flips.set_content(flips_html(found, MOST_FLIPS))
+        self._flips.set_content(flips_html(found, MOST_FLIPS) + failed_html(found))
         self._save.set_visibility(self._session.person.role in ACTIONS["save_recipe"].roles)
 
     async def _save_draft(self) -> None:
-        if self._tried is None:
+        if self._found is None:
             return
-        text = await made_beside(self._station, page_draft, *self._tried, said=self._tell)
+        text = await made_beside(self._station, page_draft, self._found, said=self._tell)
         if text is None:
             return
         answer = await act(self._station, self._session, "save_recipe", {"text": text, "replaces": ""})

@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import io
+from collections.abc import Sequence
 
 import pytest
 from label_setup import due_now, good_run, stand, thread_of
+from lostmotion_command import here
 from sqlalchemy import select
-from station_support import client_of
+from station_support import PASSWORD, client_of
 from zpl_printer import ZplPrinter, read_fields
 
-from station.cli.measure.line import Line, PrintedLabels
+from station.cli.measure.at_terminal import AtTerminal
+from station.cli.measure.line import Line
 from station.records.certificate_code import code_of
 from station.records.data_folder import Store
 from station.web.labels import outbox
 from station.web.labels.outbox import SENT
 from station.web.labels.settings import FILE, load_labels
-from station.web.models import load_models
 from station.web.people.audit import lines_of, problems_of
 from station.web.people.database import LABELS
 from station.web.scanner import ScanError, serial_of
@@ -80,26 +83,70 @@ def test_a_unit_goes_without_a_label_by_those_in_charge_alone(plant: Station, pr
         assert connection.execute(select(LABELS.c.why)).scalar_one() == "the printer is broken"
 
 
-@pytest.mark.usefixtures("printer")
-def test_the_loop_in_a_terminal_asks_for_the_label_too(plant: Station) -> None:
-    said: list[str] = []
-    ran: list[str] = []
+class Bench(AtTerminal):
+    """A terminal whose units are all good."""
 
-    def run(options: list[str]) -> int:
-        ran.append(options[options.index("--serial") + 1])
-        good_run(plant, ran[-1])
+    def __init__(self, plant: Station) -> None:
+        super().__init__(plant.data)
+        self.ran: list[str] = []
+        self.said: list[str] = []
+        self.plant = dataclasses.replace(plant, running=self)
+        self.line = Line(self.plant, self, "A. Tester", self.said.append)
+
+    def start(self, options: Sequence[str], serial: str, likely: tuple[str, str] = ("", "")) -> None:  # noqa: ARG002
+        self.ran.append(serial)
+
+    def wait(self) -> int:
+        good_run(self.plant, self.ran[-1])
         return 0
 
-    labels = PrintedLabels(plant.database, plant.data, plant.labels, "A. Tester")
-    loop = Line(plant.data, load_models(plant.data, None), "A. Tester", run, said.append, labels=labels)
-    loop.take("SN-1")
+    def scan(self, text: str) -> str:
+        self.line.take(text)
+        return self.said[-1]
+
+
+@pytest.mark.usefixtures("printer")
+def test_the_loop_in_a_terminal_asks_for_the_label_too(plant: Station) -> None:
+    bench = Bench(plant)
+    bench.scan("SN-1")
     thread_of(plant).look()
-    loop.take("SN-2")
-    assert (ran, said[-1].startswith("REFUSED")) == (["SN-1"], True)
-    loop.take(code_of(next(iter(Store(plant.data).newest(1)))))
-    assert "SN-1" in said[-1]
-    loop.take("SN-2")
-    assert ran == ["SN-1", "SN-2"]
+    assert bench.scan("SN-2").startswith("REFUSED")
+    assert bench.ran == ["SN-1"]
+    assert "SN-1" in bench.scan(code_of(next(iter(Store(plant.data).newest(1)))))
+    bench.scan("SN-2")
+    assert bench.ran == ["SN-1", "SN-2"]
+
+
+def test_the_loop_in_a_terminal_prints_a_label_again(plant: Station, printer: ZplPrinter) -> None:
+    bench, thread = Bench(plant), thread_of(plant)
+    assert bench.scan("LABEL").startswith("REFUSED")
+    bench.scan("SN-1")
+    thread.look()
+    assert "copy 2" in bench.scan("label")
+    assert "waits for the printer" in bench.scan("LABEL"), "a card that is scanned twice gives one label"
+    thread.look()
+    assert len(printer.printed) == 2
+    assert "right one" in bench.scan(code_of(next(iter(Store(plant.data).newest(1)))))
+    assert "copy 3" in bench.scan("LABEL"), "one that was read and is damaged now"
+    with plant.database.reading() as connection:
+        told = [(one.action, one.outcome) for one in lines_of(connection, 9) if one.action == "print_label"]
+    assert told == [("print_label", one) for one in ("done", "refused", "done", "refused")]
+
+
+@pytest.mark.usefixtures("printer")
+def test_labels_are_printed_again_and_set_aside_by_command(plant: Station, monkeypatch: pytest.MonkeyPatch) -> None:
+    good_run(plant)
+    thread_of(plant).look()
+
+    def as_the(role: str, *words: str) -> int:
+        monkeypatch.setattr("sys.stdin", io.StringIO(f"{PASSWORD}\n"))
+        return here("labels", *words, "--as", f"the {role}", "--data", str(plant.data)).exit_code
+
+    assert as_the("operator", "again", "SN-1") == 0
+    assert stand(plant).stage == "to print"
+    assert as_the("operator", "aside", "SN-1", "--reason", "printer broken") == 2
+    assert as_the("technician", "aside", "SN-1", "--reason", "printer broken") == 0
+    assert stand(plant) is None
 
 
 def test_the_old_label_of_a_unit_that_was_measured_again_is_told(plant: Station, printer: ZplPrinter) -> None:
@@ -144,9 +191,9 @@ def test_an_empty_scan_reads_no_label(plant: Station, printer: ZplPrinter) -> No
 def test_a_scan_of_a_label_at_a_terminal_is_a_line_of_the_audit_trail(plant: Station) -> None:
     code = good_run(plant)
     thread_of(plant).look()
-    labels = PrintedLabels(plant.database, plant.data, plant.labels, "A. Tester")
-    labels.read(code)
-    labels.read(code)
+    bench = Bench(plant)
+    bench.scan(code)
+    bench.scan(code)
     with plant.database.reading() as connection:
         lines = lines_of(connection, 2)
         assert problems_of(connection) == []

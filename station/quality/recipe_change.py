@@ -1,0 +1,158 @@
+"""Another definition, other limits or another rule for one metric of a recipe, as a change of the recipe's text.
+
+The same function makes the recipe that runs are evaluated by on trial and the draft that is saved of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from definitions.metrics import METRICS
+from recipes import MetricWanted, Recipe, parse_recipe
+from recipes.editing import changed
+from recipes.schema.metric_schema import LIMIT_OPTIONS
+from recipes.selection import CHOICES, read_alone, written_options
+from station.errors import StationError
+from station.store.quality.trial import Rule
+
+PLACE = "--definition"
+NAMED = "recipe.yaml"
+QUOTE = "'"
+
+
+class RecipeChange(NamedTuple):
+    """Options of the entry of a metric, and of the decision rule, each with its new text; '' takes an option out."""
+
+    metric: str
+    entry: tuple[tuple[str, str], ...] = ()
+    decision: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def text(self) -> str:
+        """The change for a person."""
+        options = (*self.entry, *self.decision)
+        parts = [
+            f"{name} {value.strip(QUOTE) or 'none'}"
+            for name, value in options
+            if (value or name not in CHOICES) and (name, value) != ("id", self.metric)
+        ]
+        return f"{self.metric} with {', '.join(parts)}"
+
+
+def change_of(metric: str, before: Rule, after: Rule, definition: Sequence[tuple[str, str]] = ()) -> RecipeChange:
+    """Return what makes one rule of the other; definition: options of the other definition, as `definition_of`."""
+    entry = list(definition)
+    for name in ("limit_min", "limit_max"):
+        now, new = getattr(before, name), getattr(after, name)
+        if now != new:
+            entry.append((name.removeprefix("limit_"), "" if new is None else _with_unit(metric, new)))
+    factor = after.guard_factor
+    if factor == before.guard_factor:
+        return RecipeChange(metric, tuple(entry))
+    if factor is None:
+        return RecipeChange(metric, tuple(entry), (("guard_factor", ""), ("rule", "simple")))
+    return RecipeChange(metric, tuple(entry), (("rule", "guard_band"), ("guard_factor", f"{factor:g}")))
+
+
+def changed_recipe(content: bytes, change: RecipeChange, named: str = NAMED) -> bytes:
+    """Return the text of a recipe with a change; the rest stays as it is written.
+
+    Raises:
+        StationError: the recipe does not ask for the metric itself, or more than once. RecipeError: the text is none.
+
+    """
+    place = place_of(parse_recipe(content, named), change.metric, named)
+    for name, value in change.entry:
+        content = changed(content, ("metrics", place, name), value)
+    for name, value in change.decision:
+        content = changed(content, ("decision", name), value)
+    return content
+
+
+def place_of(recipe: Recipe, metric: str, named: str = NAMED) -> int:
+    """Return where the entry of a metric stands under `metrics`; StationError as `changed_recipe`."""
+    places = [place for place, one in enumerate(recipe.metrics) if one.id == metric]
+    if len(places) != 1:
+        raise StationError(
+            f"{named}: has {len(places)} entries of {metric} under 'metrics'; expected exactly one. Change the limits "
+            "by hand on the page Recipes"
+        )
+    return places[0]
+
+
+def definition_of(recipe: Recipe, metric: str, text: str) -> tuple[MetricWanted, tuple[tuple[str, str], ...]]:
+    """Return what a text says instead of the entry of a metric, and the options that make it that.
+
+    text: a metric and its choices as `--metric` takes it, such as `stiffness_at torque=50% branch=load`; the choices
+    alone are of the metric itself.
+
+    Raises:
+        StationError: its values are in another unit, so that no limit of the metric is one of it. RecipeError: no
+        metric is defined so.
+
+    """
+    text = " ".join(text.split())
+    if "=" in text.split(" ", 1)[0]:
+        text = f"{metric} {text}"
+    given = written_options(text)
+    limits = [name for name in LIMIT_OPTIONS if name in given]
+    if limits:
+        raise StationError(
+            f"{PLACE}: found the limit {limits[0]}={given[limits[0]]}; allowed is what defines a value: "
+            f"{', '.join(CHOICES)}. Give new limits beside it"
+        )
+    wanted = read_alone(text, PLACE, recipe)
+    unit, there = METRICS[wanted.id].unit, METRICS[metric].unit
+    if METRICS[wanted.id].kind is not METRICS[metric].kind:
+        raise StationError(
+            f"{PLACE}: {wanted.id} is in {_unit(unit)}, and the limits of {metric} are in {_unit(there)}. Choose a "
+            f"metric in {_unit(there)}; 'lostmotion metrics' lists them"
+        )
+    options = [("id", wanted.id), *((name, _quoted(given.get(name, ""))) for name in CHOICES)]
+    options += [(name, value) for name, value in given.items() if name not in ("id", *CHOICES)]
+    return wanted, tuple(options)
+
+
+def other_definitions(recipe: Recipe, metric: str) -> tuple[str, ...]:
+    """Return other definitions of a metric as texts that `definition_of` reads.
+
+    First the other choices of the metric, then other metrics in the same unit by which a unit is bad on the same side;
+    without what the recipe reports already. StationError as `changed_recipe`.
+    """
+    one, row = recipe.metrics[place_of(recipe, metric)], METRICS[metric]
+    present = {
+        "branch": one.branch,
+        "side": one.side,
+        "torque": None if one.torque_nm is None else f"{one.torque_nm:.10g} N·m",
+        "band": None if one.band is None else f"{100.0 * one.band:.10g} %",
+        "variant": one.variant,
+        "fit": one.fit,
+    }
+    found = []
+    for name, choices in (("variant", row.variants), ("fit", row.fits), ("branch", row.branches)):
+        for other in choices:
+            chosen = {**present, name: other}
+            if other == (present[name] or choices[0]) or (chosen["variant"] == "direct" and chosen["fit"] is not None):
+                continue
+            words = " ".join(f"{option}={value}" for option, value in chosen.items() if value is not None)
+            found.append(f"{metric} {words}")
+    like = (other for other in METRICS.values() if (other.kind, other.bad) == (row.kind, row.bad))
+    found += [other.id for other in like if other.id != metric and other.calibration == row.calibration]
+    reference_nm = recipe.measurement.reference_torque_nm
+    there = {wanted.key(reference_nm) for wanted in recipe.metrics}
+    return tuple(text for text in found if read_alone(text, PLACE, recipe).key(reference_nm) not in there)
+
+
+def _quoted(text: str) -> str:
+    """Return a text as YAML reads it as one: the side - alone would be a list."""
+    return "'{}'".format(text.replace("'", "''")) if text else ""
+
+
+def _unit(unit: str) -> str:
+    return "no unit" if unit in ("", "1") else unit
+
+
+def _with_unit(metric: str, value: float) -> str:
+    unit = METRICS[metric].unit
+    return f"{value:.10g}" if unit in ("", "1") else f"{value:.10g} {unit}"

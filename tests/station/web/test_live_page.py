@@ -73,6 +73,12 @@ def test_a_page_tries_often_to_reach_a_server_that_is_away(page: playwright.Page
     assert page.evaluate("socket.io.reconnectionDelayMax()") == LONGEST_PAUSE_MS
 
 
+def test_a_page_keeps_no_marks_of_time_for_good(page: playwright.Page) -> None:
+    page.evaluate("performance.mark('of long ago'), performance.measure('since long ago', 'of long ago')")
+    page.wait_for_function("() => !performance.getEntriesByName('of long ago').length")
+    assert not page.evaluate("performance.getEntriesByName('since long ago')")
+
+
 def test_a_page_that_was_away_for_a_while_is_as_it_was(page: playwright.Page) -> None:
     page.evaluate("window.marked = true")
     page.evaluate(CUT, 1000.0 * AWAY_S)

@@ -16,12 +16,15 @@ from analysis.uncertainty.scatter import USUAL
 from recipes import Recipe, parse_recipe
 from recipes.editing import changed
 from recipes.text.yaml_source import read_bytes
+from station.documents.result import Result
 from station.errors import StationError
 from station.quality.recipe_change import change_of, changed_recipe, definition_of, place_of
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision
 from station.records.revisions.writing import save_draft
-from station.records.run_record import RunRecord
+from station.records.run_record import RESULT, RunRecord
+from station.store.plant.meanings import number_of, numbers_of
+from station.store.projection import meaning_of
 from station.store.quality.lot import Lot, Production
 from station.store.quality.trial import Flip, Rule, TriedSide, flipped, flips, tried_sides
 from station.store.quality.values import Characteristic, ValueRow, characteristic, newest_run, values
@@ -260,6 +263,24 @@ def _risks_of(rows: Sequence[ValueRow], rule: Rule) -> tuple[Spread, Risks | Non
         return found, None, str(error)
 
 
+def check_entry(data: Path, run: str, recipe: Recipe, what: Characteristic) -> None:
+    """Refuse a metric that is not what the entry of its id in the recipe of a run asks for: that would be changed.
+
+    Raises:
+        StationError: a preset of the recipe asks for the metric, and its entry for another definition of it; as
+        `place_of`.
+
+    """
+    named = f"run {run}: recipe.yaml"
+    entry = RunRecord(data / run).read(Result, RESULT).metrics[place_of(recipe, what.metric, named)]
+    if number_of(meaning_of(entry)) not in numbers_of(what.meaning):
+        there = " ".join((entry.id, *entry.choices, entry.branch))
+        raise StationError(
+            f"{named}: a preset asks for {what.name}; the entry of {what.metric} under 'metrics' is {there}. Choose "
+            "that one, or put the other into the recipe by hand on the page Recipes"
+        )
+
+
 def draft_of(data: Path, found: Trial, person: str) -> Revision:
     """Save the recipe of the newest run with what was tried as the draft of its next revision; as `draft_text`.
 
@@ -279,6 +300,7 @@ def draft_text(data: Path, found: Trial) -> bytes:
     content = read_bytes(path)
     recipe = parse_recipe(content, str(path))
     metric = found.metric.metric
+    check_entry(data, found.recipe_run, recipe, found.metric)
     definition = definition_of(recipe, metric, found.definition)[1] if found.definition else ()
     change = change_of(metric, found.before, found.after, definition)
     content = changed_recipe(content, change, f"run {found.recipe_run}: {path.name}")

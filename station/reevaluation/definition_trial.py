@@ -15,8 +15,8 @@ from pathlib import Path
 from analysis.evaluation.verdict import check_limits
 from station.archive.settings import load_settings
 from station.counted import counted
-from station.quality.limits_trial import Trial, Tried, rules_of, side_risks
-from station.quality.recipe_change import change_of, definition_of, place_of
+from station.quality.limits_trial import Trial, Tried, check_entry, rules_of, side_risks
+from station.quality.recipe_change import change_of, definition_of
 from station.records.archive_note import SETTINGS
 from station.reevaluation.jobs import jobs_for
 from station.reevaluation.ledger import LedgerLine
@@ -39,9 +39,8 @@ def definition_trial(  # noqa: PLR0917 - what is tried on what, and how
     how many there are.
 
     Raises:
-        StationError: as `limits_trial`, or another process has the same on trial; the recipe of the newest run has not
-        exactly one entry of the metric; the definition is in another unit. RecipeError: it is none. AnalysisError: the
-        limits exclude each other.
+        StationError: as `limits_trial` and `check_entry`, or another process has the same on trial; the definition is
+        in another unit. RecipeError: it is none. AnalysisError: the limits exclude each other.
 
     """
     with production(data) as look:
@@ -49,7 +48,7 @@ def definition_trial(  # noqa: PLR0917 - what is tried on what, and how
         what = characteristic(look, lot, tried.metric, tried.branch)
         run, before, after, recipe = rules_of(look, lot, what, tried)
         check_limits(what.name, after.limit_min, after.limit_max)
-        place_of(recipe, what.metric, f"run {run}: recipe.yaml")
+        check_entry(data, run, recipe, what)
         _, definition = definition_of(recipe, what.metric, tried.definition)
         rows = tried_runs(look, lot, what, after)
         there = {side: values(look, lot, what, side) for side in what.sides}

@@ -16,20 +16,23 @@ from analysis.evaluation.verdict import Verdict, judge, worst
 from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
 from benchmarks.many_runs import make_runs
-from recipes import parse_recipe
+from recipes import find_recipe, parse_recipe
+from recipes.editing import changed
 from station.documents.result import Result
 from station.errors import StationError
-from station.quality.limits_trial import Tried, draft_of, flips_with_reasons, limits_trial, side_risks
+from station.quality.limits_trial import Tried, draft_of, draft_text, flips_with_reasons, limits_trial, side_risks
 from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.records.revisions.revision import State
 from station.records.run_record import RESULT
+from station.reevaluation.definition_trial import definition_trial
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips, tried_runs
 from station.store.quality.values import ValueRow, characteristic
 
 COUNT = 1000
 LOT = Lot(recipe="small")
+QUICK, SPRINGS = "rv-40e-121-quick", ("spring_constant three_region", "spring_constant")
 
 
 @pytest.fixture(scope="module")
@@ -143,6 +146,26 @@ def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None
         recipe.recipe.revision
         > parse_recipe((data / found.recipe_run / "recipe.yaml").read_bytes(), "r").recipe.revision
     )
+
+
+def test_no_draft_limits_another_definition_than_was_tried(tmp_path: Path) -> None:
+    """A preset asks for the spring constant as it is defined, the recipe's own entry for it with another fit."""
+    text = changed(find_recipe(QUICK).read_bytes(), ("metrics", 2, "fit"), "three_region")
+    text = text.replace(b"\nmetrics:", b"\npresets: [measurement]\nmetrics:")
+    recipe = parse_recipe(text, QUICK)
+    assert [one.fit for _, one in recipe.wanted() if one.id == "spring_constant"] == ["three_region", None]
+    own = [metric(110.0, id=one.id, limits={}, choices=["three_region"] if one.fit else []) for one in recipe.metrics]
+    shown = [*own, metric(110.0, id="spring_constant", limits={}, choices=[])]
+    store_run(tmp_path, "SN", shown, text=text)
+    with production(tmp_path) as look:
+        tried = [limits_trial(look, Lot(), Tried(name, limit_min=99.0)) for name in SPRINGS]
+    draft = parse_recipe(draft_text(tmp_path, tried[0]), "draft")
+    assert (draft.metrics[2].fit, draft.metrics[2].min) == ("three_region", 99.0)
+    said = "a preset asks for spring_constant; the entry .* is spring_constant three_region mean"
+    with pytest.raises(StationError, match=said):
+        draft_text(tmp_path, tried[1])
+    with pytest.raises(StationError, match=said):
+        definition_trial(tmp_path, Lot(), Tried(SPRINGS[1], definition="variant=direct"))
 
 
 def test_a_stricter_limit_moves_the_risk_from_the_customer_to_the_maker() -> None:

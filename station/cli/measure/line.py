@@ -91,8 +91,12 @@ class Line:
         self._say(f"The unit of run {bad} is bad. {DO['FAIL']}" if bad else DO["PASS"])
 
     def take(self, scanned: str) -> None:
-        """Do what a scan asks for, or say why not."""
+        """Do what a scan asks for, or say why not; the loop goes on, also where its own database cannot be read now."""
         self.has_run = False
+        with self._going_on():
+            self._do(scanned)
+
+    def _do(self, scanned: str) -> None:
         text = scanned.strip()
         if self._needs_reason:
             unit, self._needs_reason = self._needs_reason, ""
@@ -113,7 +117,15 @@ class Line:
     def refuse(self, scanned: Sequence[str]) -> None:
         """Say that what was scanned during a run was not taken."""
         for text in scanned:
-            self._refused(text, "", [("bench_free", f"{text.strip()[:60]!r} {DURING_A_RUN}")])
+            with self._going_on():
+                self._refused(text, "", [("bench_free", f"{text.strip()[:60]!r} {DURING_A_RUN}")])
+
+    @contextmanager
+    def _going_on(self) -> Iterator[None]:
+        try:
+            yield
+        except StationError as error:
+            self._say(f"REFUSED  {error}")
 
     def _put_away(self) -> None:
         bad = unconfirmed_run(self._station)

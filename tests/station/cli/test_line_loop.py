@@ -8,7 +8,8 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ from stored_runs import metric, store_run
 from station.cli.measure.at_terminal import AtTerminal
 from station.cli.measure.line import DO, NOK, Line
 from station.cli.measure.scans import Scans
+from station.errors import StationError
 from station.web.bypasses import add_bypass
 from station.web.models import load_models
 from station.web.people.audit import lines_of, problems_of
@@ -135,6 +137,24 @@ def test_a_bypass_counts_here_too_and_stands_in_the_record(desk: Desk) -> None:
     assert any("bypassed by Ada" in one for one in desk.said)
     assert desk.scan("SN-1").startswith("PASS")
     assert "trial of the fixture" in desk.ran[1][desk.ran[1].index("--note") + 1]
+
+
+def test_the_loop_goes_on_when_its_database_cannot_be_read_for_a_while(
+    desk: Desk, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    @contextmanager
+    def broken() -> Iterator[None]:
+        raise StationError("station.sqlite3: disk I/O error")
+        yield
+
+    with monkeypatch.context() as patch:
+        patch.setattr(desk.station.database, "reading", broken)
+        patch.setattr(desk.station.database, "writing", broken)
+        assert desk.scan("SN-1") == "REFUSED  station.sqlite3: disk I/O error"
+        assert desk.scan(NOK) == "REFUSED  station.sqlite3: disk I/O error"
+        desk.line.refuse(["SN-2"])
+        assert desk.ran == []
+    assert desk.scan("SN-1").startswith("PASS")
 
 
 def test_the_test_code_of_the_scanner_is_asked_for_here_too(desk: Desk) -> None:

@@ -71,7 +71,7 @@ class DefinitionTrials:
         """Begin a trial.
 
         Raises:
-            StationError: another one is on.
+            StationError: another one is on, or the process cannot be started.
 
         """
         with self._lock:
@@ -81,14 +81,19 @@ class DefinitionTrials:
                     f"'{now.tried.definition}' is on trial: {now.done} of {now.of} runs evaluated. Wait until it ends, "
                     "or stop it"
                 )
-            self._state = TrialState(lot, tried)
             # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
             context = get_context("spawn")
             ours, theirs = context.Pipe(duplex=False)
-            self._process = context.Process(target=_evaluate, args=(theirs, os.getpid(), data, lot, tried))
-            self._process.start()
-            theirs.close()  # so that the end of the process is the end of the line
-        Thread(target=self._follow, args=(ours, self._process, time.monotonic()), daemon=True).start()
+            process = context.Process(target=_evaluate, args=(theirs, os.getpid(), data, lot, tried))
+            try:
+                process.start()
+            except OSError as error:
+                ours.close()
+                raise StationError(f"The trial cannot be started: {error.strerror}. Press Try again.") from error
+            finally:
+                theirs.close()  # so that the end of the process is the end of the line
+            self._state, self._process = TrialState(lot, tried), process
+        Thread(target=self._follow, args=(ours, process, time.monotonic()), daemon=True).start()
 
     def stop(self) -> None:
         """End the trial that is on; what was evaluated is kept in its ledger."""

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import time
 from dataclasses import replace
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -189,6 +192,22 @@ def _ended(trials: DefinitionTrials) -> TrialState:
         assert time.monotonic() < until, now
         time.sleep(0.05)
     return now
+
+
+def test_a_process_that_cannot_be_started_is_said_and_keeps_no_other_trial_waiting(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    trials = DefinitionTrials()
+
+    def no_memory(_process: object) -> None:
+        raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
+
+    monkeypatch.setattr(SpawnProcess, "start", no_memory)
+    for _ in range(2):
+        with pytest.raises(StationError, match="The trial cannot be started: Cannot allocate memory"):
+            trials.start(tmp_path, LOT, TRIED["another metric"])
+    assert trials.state is None
+    trials.close()
 
 
 @pytest.mark.wires

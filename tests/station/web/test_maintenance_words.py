@@ -18,6 +18,7 @@ from station.bench.request import load_job
 from station.documents.events import LeftState
 from station.documents.manifest import MASTER
 from station.records.left_state import left_action
+from station.records.master_parts import ONE_SIDED
 from station.records.samples.scan_record import pack
 from station.web.bench.changes import RunFacts, Since, changes_between
 from station.web.bench.due import Due, _due
@@ -29,6 +30,19 @@ from station.web.pages.maintenance import MARKS, SAID, _ago, _parts, _torque, fa
 
 FIGURES = re.compile(r"[−\d.]+( [^a-z]\S*)?|[RB]|")
 """What is the same in every language: a figure with its unit, and the names of the test."""
+
+
+READ = "read PASS, as it should (2 h before, run R). "
+OF_A_MASTER_PART = (
+    "was never measured on this bench; needed every 8 h",
+    f"{READ}The bench rejects a bad unit like this master part",
+    f"{READ}A measuring error above 3 % of the metric lost_motion would have been detected",
+    f"{READ}{ONE_SIDED}",
+    "has an altered record (2 h before, run R): it proves nothing. Measure it again",
+    "read FAIL, and PASS is right (2 h before, run R): this bench may measure wrong",
+    "was last measured 9 h before, run R; due every 8 h",
+)
+LEFT_ENGLISH = re.compile(r"\b(before|run|bench|measur\w+|every|read|the|technician)\b")
 
 
 class Asked(Words):
@@ -114,15 +128,16 @@ def test_what_has_changed_and_what_is_due(say: Asked) -> None:
     for why in ("No run was made yet.", "No run has passed on bench B before."):
         _parts().since(Since(why_none=why), say)
     today, later = date(2026, 1, 31), date(2026, 3, 1)
-    texts = (
-        "read PASS, as it should (2 h before, run R). The bench rejects a bad unit like this master part",
-        "has an altered record (2 h before, run R): it proves nothing. Measure it again",
-        "read FAIL, and PASS is right (2 h before, run R): this bench may measure wrong",
-        "was last measured 9 h before, run R; due every 8 h",
-    )
-    rows = [Due("B", f"{MASTER}R", text) for text in texts]
+    rows = [Due("B", f"{MASTER}R", text) for text in OF_A_MASTER_PART]
     rows += [_due("B", "torque ratio of RV (R)", today, later, one) for one in (today, date(2026, 4, 1))]
     rows += [Due("B", "blank test of the fixture (R)", rows[-1].text), Due("B", "model RV", rows[-1].text)]
     _parts().due(tuple(rows), say)
     _parts().due((), say)
     assert say.without == []
+
+
+def test_nothing_of_a_master_part_is_left_in_english(say: Asked) -> None:
+    for text in OF_A_MASTER_PART:
+        refused = f"Master part MP-1 {text}. Measure it before any other unit, or call the technician."
+        for said in (say(text), *([] if text.startswith(READ) else [say(refused)])):
+            assert not LEFT_ENGLISH.search(said), said

@@ -57,6 +57,9 @@ DO = {
 ELSE = "Call the technician to the bench."
 DURING_A_RUN = "was scanned during a run. Scan it again"
 
+A_BADGE = "This is a badge: nobody logs in here. Scan the unit on the bench"
+"""A badge stands neither in the audit trail nor as a reason in a record: it is half of a log-in."""
+
 LONGEST_NOTED = 200
 """Characters of a text that was refused, as the audit trail keeps it."""
 
@@ -98,7 +101,10 @@ class Line:
 
     def _do(self, scanned: str) -> None:
         text = scanned.strip()
-        if self._needs_reason:
+        if self._station.settings.is_badge(text):
+            self._needs_reason = ""
+            self._say(f"REFUSED  {A_BADGE}")
+        elif self._needs_reason:
             unit, self._needs_reason = self._needs_reason, ""
             self._again(unit, text)
         elif text.upper() == NOK:
@@ -117,6 +123,9 @@ class Line:
     def refuse(self, scanned: Sequence[str]) -> None:
         """Say that what was scanned during a run was not taken."""
         for text in scanned:
+            if self._station.settings.is_badge(text.strip()):
+                self._say(f"REFUSED  {A_BADGE}")
+                continue
             with self._going_on():
                 self._refused(text, "", [("bench_free", f"{text.strip()[:60]!r} {DURING_A_RUN}")])
 

@@ -167,6 +167,20 @@ def test_the_test_code_of_the_scanner_is_asked_for_here_too(desk: Desk) -> None:
     assert asked.scan("SN-1").startswith("PASS")
 
 
+def test_a_badge_is_no_reason_and_stands_nowhere(desk: Desk) -> None:
+    """Scanned where the page logs somebody in: it is half of that, and a sealed record keeps its reason for good."""
+    asked = Desk(desk.data, ["PASS", "PASS"])
+    asked.line = Line(
+        dataclasses.replace(asked.station, settings=Settings(badge=r"B-\d{6}")), asked, "A. Tester", asked.said.append
+    )
+    assert asked.scan("SN-1").startswith("PASS")
+    assert "This is a badge" in asked.scan("SN-1", "B-100001\r")
+    assert "This is a badge" in asked.scan("B-100001")
+    asked.line.refuse(["B-100001\n"])
+    assert len(asked.ran) == 1
+    assert not any("B-100001" in json.dumps(detail) for _, _, detail in asked.audited())
+
+
 def test_who_does_not_say_their_name_is_none_in_the_record(desk: Desk) -> None:
     Line(desk.station, desk, None, desk.said.append).take("SN-1")
     assert "--operator" not in desk.ran[0]

@@ -25,10 +25,10 @@ GAP = 2
 
 WIDE = ("run", "serial", "attempt", "recipe", "state", "verdict", "scans")
 NARROW = ("run", "recipe", "result")
+"""The run id ends with the serial number, and a verdict says that a run is complete."""
+
 BEFORE = "attempts before"
 """Column of a list with a unit that was measured again."""
-
-"""The run id ends with the serial number, and a verdict says that a run is complete."""
 
 RIGHT = ("attempt", "scans")
 

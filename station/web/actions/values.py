@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, StringConstraints
 
 from recipes.text.section import Name
 from recipes.text.section import Revision as RevisionNumber
 from recipes.text.yaml_source import LARGEST_FILE
 from station.web.bypasses import LONGEST_HOURS
+
+ReasonText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=3, max_length=200)]
+"""Why somebody lets something pass: some words, for blanks give no reason."""
 
 
 class Values(BaseModel):
@@ -52,14 +55,14 @@ class LabelOfRun(Values):
 class NoLabel(LabelOfRun):
     """Why a unit goes without a label that was read."""
 
-    reason: str = Field(min_length=3, max_length=200)
+    reason: ReasonText
 
 
 class RunInNoFile(Values):
     """A run that is in no AQDEF file, and why that is all right."""
 
     run: str = Field(max_length=200)
-    reason: str = Field(min_length=3, max_length=200)
+    reason: ReasonText
 
 
 class Announced(Values):

@@ -174,6 +174,7 @@ def test_who_knows_that_a_run_is_in_no_file_says_so_once_and_the_trail_has_it(st
     run = quality.http.get("/api/now").json()["aqdef"]["last_refused"].removeprefix("run ").partition(":")[0]
     asked = {"run": run, "reason": "the customer has it on paper"}
     assert client_of(plant, "operator").post("acknowledge_aqdef", asked).status_code == 403
+    assert quality.post("acknowledge_aqdef", {**asked, "reason": "    "}).status_code == 422, "blanks are no reason"
     told = quality.post("acknowledge_aqdef", asked)
     assert (told.status_code, told.json()["refused"]) == (200, 1)
     assert quality.post("acknowledge_aqdef", asked).status_code == 409

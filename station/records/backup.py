@@ -41,8 +41,8 @@ MADE_AGAIN = (".lock", "-wal", "-shm")
 """Files of the folder that are made again: the store, locks, and what SQLite keeps beside its databases."""
 
 COPY_BYTES = 1 << 20
-OTHERS, PRIVATE, READABLE = 0o077, 0o600, 0o644
-"""Modes: what group and others may; a file for its owner alone; one that everybody reads."""
+EVERYBODY, PRIVATE, READABLE = 0o004, 0o600, 0o644
+"""Modes: that everybody may read; a file for its owner alone; one that everybody reads."""
 
 NEWEST_LOOKED_AT = 5
 
@@ -58,7 +58,7 @@ class Kept:
 
 @dataclass(frozen=True, kw_only=True)
 class KeptFile:
-    """A file of a data folder in a backup; private: nobody but its owner could read it, and nobody shall."""
+    """A file of a data folder in a backup; private: not everybody could read it, so its owner alone shall."""
 
     path: str
     bytes: int
@@ -188,7 +188,7 @@ def _for_the_owner_alone(path: Path) -> Any:
 def _add(archive: tarfile.TarFile, data: Path, path: Path, content: bytes) -> KeptFile:
     name = path.relative_to(data).as_posix()
     _put(archive, name, content)
-    private = name in DATABASES or not path.stat().st_mode & OTHERS
+    private = name in DATABASES or not path.stat().st_mode & EVERYBODY
     return KeptFile(path=name, bytes=len(content), sha256=hashlib.sha256(content).hexdigest(), private=private)
 
 

@@ -83,13 +83,16 @@ def test_keys_and_secrets_are_in_it_and_stay_for_their_owner_alone(data: Path, t
     secret = data / "mes-secret"
     secret.write_bytes(b"s" * 32)
     secret.chmod(0o600)
+    of_a_group = data / "secret of a group"
+    of_a_group.write_bytes(b"g")
+    of_a_group.chmod(0o640)
     file, restored = tmp_path / "backup.tar", tmp_path / "restored"
     back_up(data, file)
     assert file.stat().st_mode & 0o777 == 0o600
     restore(file, restored)
     settings = load_opcua(restored)
     checked_certificate(restored, settings)  # refuses a key that others can read
-    for name in (settings.key, "mes-secret", FILE):
+    for name in (settings.key, "mes-secret", of_a_group.name, FILE):
         assert (restored / name).read_bytes() == (data / name).read_bytes() or name == FILE
         assert (restored / name).stat().st_mode & 0o777 == 0o600, name
     assert (restored / settings.certificate).stat().st_mode & 0o777 == 0o644

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -15,7 +17,9 @@ from station.quality.limits_trial import Tried
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot
 from station.web.definition_trials import TrialState
+from station.web.pages.quality import trial
 from station.web.pages.quality.trial_html import definition_title, progress_words
+from station.web.people.accounts import Person
 
 LONGEST_MS = 180_000
 RECIPE = "rv-40e-121-quick"
@@ -50,6 +54,19 @@ def test_how_far_a_trial_is_stands_in_words(state: dict[str, Any], said: str) ->
 def test_a_metric_stands_with_its_title_and_choices_for_themselves() -> None:
     assert definition_title("spring_constant fit=three_region") == "fit=three_region"
     assert definition_title("backlash_width_zero").endswith(" · backlash_width_zero")
+
+
+def test_who_has_left_neither_begins_nor_stops_a_trial(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A socket outlives a log-out: what takes minutes of a processor is not begun over it."""
+
+    async def closed(*_: object) -> bool:
+        return False
+
+    monkeypatch.setattr(trial, "still_open", closed)
+    station = SimpleNamespace(trials=SimpleNamespace(start=pytest.fail, stop=pytest.fail))
+    card = trial.TrialCard(station, SimpleNamespace(person=Person("Ada", "engineer")), Lot)
+    asyncio.run(card._try())
+    asyncio.run(card._stop())
 
 
 def _page(enter: Enter, role: str) -> playwright.Page:

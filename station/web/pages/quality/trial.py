@@ -18,7 +18,7 @@ from station.store.quality.lot import Lot
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.definition_trials import TrialState
-from station.web.pages.frame import act
+from station.web.pages.frame import act, still_open
 from station.web.pages.quality.made import MOST_FLIPS, page_definitions, page_draft, page_trial
 from station.web.pages.quality.parts import card, made_beside
 from station.web.pages.quality.trial_html import (
@@ -143,6 +143,8 @@ class TrialCard:
         return Tried(str(self._metric.value), None, low, high, guard, self._other())
 
     async def _try(self) -> None:
+        if not await still_open(self._station, self._session):
+            return
         self.forget()
         tried = self._asked()
         if tried is None or not self._metric.value:
@@ -184,7 +186,9 @@ class TrialCard:
     def _same_lot(self, now: TrialState) -> bool:
         return self._lot()._replace(newest=now.lot.newest) == now.lot
 
-    def _stop(self) -> None:
+    async def _stop(self) -> None:
+        if not await still_open(self._station, self._session):
+            return
         self._station.trials.stop()
         self._look()
 

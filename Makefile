@@ -18,7 +18,7 @@ SITE ?= build/site
 # and each would compile all of this code anew.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: help setup run test test-long model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests station-kills seeds power-cuts node-opcua opcua-drill fuzz fuzz-wires test-socketcan coverage-study clean
+.PHONY: help setup run test test-long model-check mutants wire-faults check format docs docs-site golden bench ten-minutes kill-tests station-kills operator-cycles live-browsers seeds power-cuts node-opcua opcua-drill fuzz fuzz-wires test-socketcan coverage-study clean
 
 help:
 	@echo "make run     set everything up and test one virtual reducer in real time"
@@ -34,6 +34,8 @@ help:
 	@echo "make golden  make the golden runs anew, after a change of the controller that is meant"
 	@echo "make kill-tests  SIGKILL scan and supervisor at 100 random moments each (KILLS=N), nothing may be lost"
 	@echo "make station-kills  SIGKILL server and supervisor of a station 200 times (KILLS=N), PostgreSQL stopped for 20 runs: nothing lost or doubled"
+	@echo "make operator-cycles  5000 cycles of scan, run and verdict on one page, then restarts of the server: what grows, what is shown"
+	@echo "make live-browsers  20 browsers on the live page: the scan with and without them in pairs, the age of the newest point"
 	@echo "make node-opcua  node-opcua by npm, for the tests of OPC UA with a client that shares no code with the server"
 	@echo "make opcua-drill  100 results by OPC UA to two clients, 20 while all are down, with kills: each has each once"
 	@echo "make power-cuts  SIGKILL everything at 50 random moments (CUTS=N), and look at what is found after"
@@ -97,6 +99,13 @@ station-kills: $(STAMP)
 
 node-opcua:
 	npm install --no-audit --no-fund --prefix tests/station/opcua/node
+
+operator-cycles: $(STAMP)
+	nice $(BIN)/python -m benchmarks.operator_cycles
+
+live-browsers: $(STAMP)
+	$(BIN)/python -m benchmarks.live_browsers
+	$(BIN)/python -m benchmarks.live_browsers --sockets
 
 opcua-drill: $(STAMP)
 	$(BIN)/python tests/proofs/drills/opcua_drill.py

@@ -12,12 +12,16 @@ TICKS = os.sysconf("SC_CLK_TCK")
 
 
 class Memory(NamedTuple):
-    """What is held, in MiB, and what the page counts: DOM nodes and listeners of events."""
+    """What is held, in MiB, and what the page counts: DOM nodes and listeners of events.
+
+    heap: of JavaScript, what is used of it and what it holds from the system.
+    """
 
     server_mib: float
     renderer_mib: float
     browser_mib: float
     heap_mib: float
+    heap_held_mib: float
     nodes: int
     listeners: int
 
@@ -48,10 +52,10 @@ def descendants(pid: int) -> set[int]:
 
 
 def used_s(pid: int) -> float:
-    """Return the processor time of a process and of the children that it has collected [s]; 0 for one that is gone."""
+    """Return the processor time of a process itself [s]; 0 for one that is gone."""
     with suppress(OSError):
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        return sum(int(one) for one in fields[11:15]) / TICKS
+        return sum(int(one) for one in fields[11:13]) / TICKS
     return 0.0
 
 
@@ -82,6 +86,7 @@ def memory_of(server: int, browser: Any, page: Any) -> Memory:
         renderer,
         sum(held.values()),
         told["JSHeapUsedSize"] / MIB,
+        told["JSHeapTotalSize"] / MIB,
         int(told["Nodes"]),
         int(told["JSEventListeners"]),
     )

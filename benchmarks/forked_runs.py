@@ -1,8 +1,8 @@
 """`python -m benchmarks.forked_runs DATA`: a station whose runs are forks of one loaded process, for thousands of them.
 
 To load what a run needs takes seconds of processor time, in which the page and the server do nothing. Here a process
-loads it once and forks for each unit: a run in virtual time, and one of every N by its own processes and sockets, as
-fast as the bench allows. Server, page, record and verdict are those of `lostmotion serve`.
+loads it once and forks for each unit: a run in virtual time that takes a second, and one of every N by its own
+processes and sockets, as fast as the bench allows. Server, page, record and verdict are those of `lostmotion serve`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,17 @@ import signal
 import socket
 import subprocess
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
+from types import ModuleType
 
 FORKS = "--forks"
 REAP_EVERY_S = 1.0
+LOOK_EVERY_SCANS = 200
+PAUSE_S = 0.06
+"""A run of 3 600 scans lasts a second longer, and its loop comes to the page in some ten parts."""
+
 FAILED = 70
 
 
@@ -45,18 +51,22 @@ class ForkedRuns:
     """One run of so many is by its own processes and sockets."""
 
     def __init__(self) -> None:
-        self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs:
-            command = [sys.executable, "-m", "benchmarks.forked_runs", FORKS, str(theirs.fileno())]
-            self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))  # noqa: S603
-        self._orders.recv(1)  # it has loaded all
+        self._orders: socket.socket | None = None
         self._count = 0
 
-    def get_ready(self, recipe: str = "", bench: str = "") -> None:
-        """Do nothing: what forks stays ready."""
+    def get_ready(self, *_likely: str) -> None:
+        """Start what forks, once: it stays ready for any unit."""
+        if self._orders is None:
+            self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+            with theirs:
+                command = [sys.executable, "-m", "benchmarks.forked_runs", FORKS, str(theirs.fileno())]
+                self._process = subprocess.Popen(command, pass_fds=(theirs.fileno(),))  # noqa: S603
+            self._orders.recv(1)  # it has loaded all
 
     def start(self, options: Sequence[str], *, stdout: int, stderr: int) -> Forked:
         """Fork for a run with these options."""
+        self.get_ready()
+        assert self._orders is not None  # noqa: S101 - it is ready
         self._count += 1
         how = ("--pace", "fast") if self._count % self.one_in == 0 else ("--virtual-time",)
         order = json.dumps(["run", *options, *how]).encode()
@@ -66,8 +76,9 @@ class ForkedRuns:
 
     def close(self) -> None:
         """End what forks."""
-        self._orders.close()
-        self._process.wait()
+        if self._orders is not None:
+            self._orders.close()
+            self._process.wait()
 
 
 def fork_for_orders(handle: int) -> None:
@@ -76,7 +87,7 @@ def fork_for_orders(handle: int) -> None:
     from station.cli.measure import standby  # noqa: PLC0415
 
     standby.load()
-    assert station.run.virtual_run  # noqa: S101 - loaded with the rest
+    _draw_on_the_way(station.run.virtual_run)
     for one in (signal.SIGINT, signal.SIGTERM):
         signal.signal(one, signal.SIG_IGN)  # it ends when the server does
     with socket.socket(fileno=handle) as orders:
@@ -94,6 +105,22 @@ def fork_for_orders(handle: int) -> None:
                 os.close(one)
             orders.send(str(pid).encode())
             _reap()
+
+
+def _draw_on_the_way(virtual_run: ModuleType) -> None:
+    """Have a run in virtual time leave its records as it goes, as long as one by the wall clock would be short.
+
+    Its loop is to grow on the page: else it would be over before anybody looks.
+    """
+    last = virtual_run.VirtualRecorder.last
+
+    def paused(recorder: object) -> object:
+        found = last(recorder)
+        time.sleep(PAUSE_S)
+        return found
+
+    virtual_run.VirtualRecorder.last = paused
+    virtual_run.LOOK_EVERY = LOOK_EVERY_SCANS
 
 
 def _reap() -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import os
 import time
+from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,21 +21,25 @@ from station.records.run_record import RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.run.screen.live import LiveReader
 
-NOTE_DRAWINGS = """() => {
+NOTE_DRAWINGS = """(() => {
   const seen = window.seen = {drawn: [], points: []};
-  const node = document.querySelector('.nicegui-echart'), chart = getElement(node.id.slice(1)).chart;
-  let length = 0;
-  const set = chart.setOption;
-  chart.setOption = function (options, ...rest) {
-    const data = options.series && options.series[0] && options.series[0].data;
-    if (data) { length = data.length; seen.points = data; }
-    return set.call(this, options, ...rest);
+  const note = () => {
+    const node = document.querySelector('.nicegui-echart'), chart = node && getElement(node.id.slice(1))?.chart;
+    if (!chart) { setTimeout(note, 50); return; }
+    let length = 0;
+    const set = chart.setOption;
+    chart.setOption = function (options, ...rest) {
+      const data = options.series && options.series[0] && options.series[0].data;
+      if (data) { length = data.length; seen.points = data; }
+      return set.call(this, options, ...rest);
+    };
+    chart.on('rendered', () => {
+      const last = seen.drawn[seen.drawn.length - 1];
+      if (!last || last[1] !== length) seen.drawn.push([performance.timeOrigin + performance.now(), length]);
+    });
   };
-  chart.on('rendered', () => {
-    const last = seen.drawn[seen.drawn.length - 1];
-    if (!last || last[1] !== length) seen.drawn.push([performance.timeOrigin + performance.now(), length]);
-  });
-}"""
+  note();
+})();"""
 """Only a drawing with new points is noted: with one that has none nothing on the screen is newer."""
 
 
@@ -46,9 +51,14 @@ class Ages(NamedTuple):
     drawings: int
 
 
-def keep_samples(folder: Path, kept: Path) -> None:
-    """Keep the samples of a run that is on: at its end they are packed, and lose the form that a page reads."""
-    os.link(RunRecord(folder).samples, kept)
+def keep_samples(folder: Path, kept: Path) -> bool:
+    """Keep the samples of a run that is on: at its end they are packed, and lose the form that a page reads.
+
+    False where none are there yet.
+    """
+    with suppress(FileNotFoundError):
+        os.link(RunRecord(folder).samples, kept)
+    return kept.exists()
 
 
 def samples_of(folder: Path, kept: Path) -> tuple[list[tuple[float, float]], np.ndarray]:
@@ -77,7 +87,7 @@ def ages_of(seen: dict[str, Any], shown: list[tuple[float, float]], at_ms: np.nd
         if place == len(shown):
             raise ValueError(f"point {point} of the page is none of the record")
         times.append(at_ms[place])
-    drawn = [(at, times[count - 1]) for at, count in seen["drawn"] if count]
+    drawn = [(at, times[count - 1]) for at, count in seen["drawn"] if 0 < count <= len(times)]
     fresh = np.array([at - sampled for at, sampled in drawn])
     every = [
         np.arange(at, until, 5.0) - sampled for (at, sampled), (until, _) in pairwise(drawn) if sampled < times[-1]

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.live_browsers [--browsers 20] [--pairs 4] [--drawing | --sockets]`: who looks must not disturb.
+"""`python -m benchmarks.live_browsers [--browsers 20] [--pairs 4] [--sockets]`: who looks must not disturb.
 
 Runs by the wall clock in pairs, with and without browsers that show the live page; the browsers share the computer
 with scan, virtual bench and server, which they do not at a real bench. Told are missed periods and lateness of the
@@ -107,7 +107,8 @@ class Station:
         assert answer.status_code == 200, answer.text  # noqa: S101 - nothing to measure else
         self.server.wait("running")
         (folder,) = self.server.data.glob(f"2*-{serial}")
-        keep_samples(folder, kept)
+        while not keep_samples(folder, kept):
+            time.sleep(0.1)
         meter = Meter(self.server.process.pid, others)
         while self.server.now()["stage"] == "running":
             meter.look()
@@ -125,6 +126,9 @@ class Pages:
         self._browser = browser
         self._pages = [open_page(browser, url, password) for _ in range(count)]
         self._url = url
+        for page in self._pages:
+            page.add_init_script(NOTE_DRAWINGS)
+            page.on("console", lambda told: print(f"  the page says: {told.text}"))
 
     def look(self) -> None:
         """Show the page, and note each drawing."""
@@ -132,7 +136,6 @@ class Pages:
             page.goto(f"{self._url}/")
             page.wait_for_selector(".lm-word")
             page.wait_for_function("() => document.querySelector('.nicegui-echart canvas')").dispose()
-            page.evaluate(NOTE_DRAWINGS)
 
     def leave(self) -> None:
         """Show nothing."""
@@ -163,19 +166,24 @@ class Sockets:
         assert stdin is not None and stdout is not None  # noqa: S101, PT018 - both are pipes
         stdin.write(f"the operator\t{self._said}\n")
         stdin.flush()
-        assert stdout.readline() == "open\n"  # noqa: S101
+        if stdout.readline() != "open\n":
+            raise SystemExit("the sockets were not opened: see above")
 
     def leave(self) -> None:
-        """Close the sockets, and tell what came."""
-        if self._process is None:
-            return
-        self._process.terminate()
-        said, _ = self._process.communicate()
-        rows = [line.split() for line in said.splitlines() if len(line.split()) == 2]
-        if len(rows) > 1:
-            lasted_s = (int(rows[-1][0]) - int(rows[0][0])) / 1000.0
-            print(f"  {(int(rows[-1][1]) - int(rows[0][1])) / lasted_s / 1000.0:.0f} kB/s came to all sockets")
+        """Close the sockets."""
+        if self._process is not None:
+            self._process.kill()
+            self._process.communicate()
+            self._process = None
+
+    def ages(self, folder: Path, kept: Path) -> list[Ages]:
+        """Close the sockets; return how old the newest point was that each of them had."""
+        assert self._process is not None  # noqa: S101 - they looked
+        told = json.loads(self._process.communicate("tell\n")[0])
         self._process = None
+        print(f"  {told['rate'] / 1000.0:.1f} kB/s came to all sockets together")
+        shown, at_ms = samples_of(folder, kept)
+        return [ages_of(one, shown, at_ms) for one in told["seen"]]
 
     def processes(self) -> dict[int, str]:
         """Return the process of the sockets."""
@@ -221,7 +229,7 @@ def main() -> None:
     asked = parser.parse_args()
     sys.path[:0] = SUPPORT
     from served import prepared, served_by  # noqa: PLC0415 - the same server and accounts as in the tests
-    from station_support import PASSWORD  # noqa: PLC0415
+    from station_support import PASSWORD, released  # noqa: PLC0415
 
     runs: dict[bool, list[Measured]] = {False: [], True: []}
     ages: list[Ages] = []
@@ -229,6 +237,7 @@ def main() -> None:
         folder = Path(place)
         data = prepared(folder / "runs")
         recipe, bench = recipe_of(folder)
+        released(data, recipe.read_bytes())
         row = f'{{model: P1, serial: "SN-[0-9]+", recipe: {recipe}, bench: {bench}}}'
         (data / "models.yaml").write_text(f"models:\n  - {row}\n", encoding="utf-8")
         command = [sys.executable, "-c", SERVE, str(data)]
@@ -243,7 +252,7 @@ def main() -> None:
                     time.sleep(2.0)
                     one, run, kept = station.run(who.processes)
                     runs[looks].append(one)
-                    if looks and isinstance(who, Pages):
+                    if looks:
                         ages += who.ages(run, kept)
                     print(f"  pair {pair + 1} {'with' if looks else 'without'} {one}", flush=True)
             who.leave()
@@ -254,7 +263,7 @@ def main() -> None:
         ("when drawn", [one.drawn_ms for one in ages]),
         ("at any moment", [one.any_ms for one in ages]),
     ):
-        if ages:
+        if values and np.concatenate(values).size:
             p50, p95, p99 = np.percentile(np.concatenate(values), (50, 95, 99))
             within = "" if name == "when drawn" else f" ({'within' if p95 <= OLDEST_MS else 'over'} {OLDEST_MS:.0f} ms)"
             print(f"newest point {name}: {p50:.0f} ms, 95th percentile {p95:.0f} ms{within}, 99th {p99:.0f} ms")

@@ -1,22 +1,25 @@
 """Clients of the operator page's web socket that draw nothing: `python -m benchmarks.page_sockets URL COUNT`.
 
-What twenty browsers on other computers cost the bench computer is what these cost. The password is read from standard
-input. Each line of standard output is a time [ms since 1970] and the bytes that have come to all of them.
+What browsers on other computers cost the bench computer is what these cost. Name and password are read from standard
+input. A second line there has them tell what came, one JSON object: bytes a second, and what each loop was when.
 """
 
 from __future__ import annotations
 
+import ast
 import asyncio
 import json
 import re
 import sys
 import time
 import uuid
+from typing import Any
 
 import httpx
 import socketio
 
 ACKNOWLEDGE_EVERY_S = 3.0
+GREW = re.compile(r"showLoop\(\d+, (\d+), (\[.*\])\)")
 
 
 class PageSocket:
@@ -27,6 +30,9 @@ class PageSocket:
         self._client = socketio.AsyncClient(reconnection=False)
         self._next, self._id = 0, ""
         self.came = 0
+        self.points: list[Any] = []
+        self.drawn: list[tuple[float, int]] = []
+        """When the loop has grown [ms since 1970], and how many points it had then."""
         self._client.on("*", self._hear)
 
     async def open(self) -> None:
@@ -36,7 +42,7 @@ class PageSocket:
         found = re.search(r"query: (\{.*?\}),\n", page)
         if found is None:
             raise SystemExit(f"{self._url}/ is no page of the station: {page[:200]!r}")
-        query = json.loads(found[1]) | {"tab_id": str(uuid.uuid4()), "implicit_handshake": "true"}
+        query = ast.literal_eval(found[1]) | {"tab_id": str(uuid.uuid4()), "implicit_handshake": "true"}
         query["document_id"] = str(uuid.uuid4())
         self._id = query["client_id"]
         words = "&".join(f"{name}={value}" for name, value in query.items())
@@ -47,10 +53,20 @@ class PageSocket:
         )  # fmt: skip
         self._task = asyncio.create_task(self._acknowledge())
 
+    async def close(self) -> None:
+        """Leave the page."""
+        self._task.cancel()
+        await self._client.disconnect()
+
     async def _hear(self, event: str, told: object = None) -> None:
-        if isinstance(told, dict):
-            self._next = told.get("_id", self._next) + 1
-            self.came += len(json.dumps(told)) + len(event)
+        if not isinstance(told, dict):
+            return
+        self._next = told.get("_id", self._next) + 1
+        self.came += len(json.dumps(told)) + len(event)
+        if grew := GREW.fullmatch(str(told.get("code", ""))):
+            del self.points[int(grew[1]) :]
+            self.points += json.loads(grew[2])
+            self.drawn.append((1000.0 * time.time(), len(self.points)))
 
     async def _acknowledge(self) -> None:
         """Tell what has come, as a page does every few seconds."""
@@ -60,7 +76,7 @@ class PageSocket:
 
 
 async def main(url: str, count: int) -> None:
-    """Open pages, and tell what comes until standard input ends."""
+    """Open pages, and tell what came when asked."""
     name, password = sys.stdin.readline().rstrip("\n").split("\t")
     async with httpx.AsyncClient(base_url=url, timeout=60.0) as http:
         (await http.post("/api/enter", json={"name": name, "password": password})).raise_for_status()
@@ -69,9 +85,12 @@ async def main(url: str, count: int) -> None:
     for page in pages:
         await page.open()
     print("open", flush=True)
-    while True:
-        await asyncio.sleep(1.0)
-        print(int(1000.0 * time.time()), sum(page.came for page in pages), flush=True)
+    began_s = time.monotonic()
+    await asyncio.to_thread(sys.stdin.readline)
+    rate = sum(page.came for page in pages) / (time.monotonic() - began_s)
+    for page in pages:
+        await page.close()
+    print(json.dumps({"rate": rate, "seen": [{"drawn": page.drawn, "points": page.points} for page in pages]}))
 
 
 if __name__ == "__main__":

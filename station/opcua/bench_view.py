@@ -1,14 +1,15 @@
-"""What is known of the bench now, read from what runs leave: the run that is on, or the one that was on last."""
+"""What is known of the bench now, read from what runs leave: the run or the jog that is on, or the run before."""
 
 from __future__ import annotations
 
 import time
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from controller.aftermath import FaultReaction
 from definitions.image import State
+from definitions.program import Program
 from definitions.states import row_of
 from station.errors import StationError
 from station.opcua.projection import Projected, projected
@@ -16,6 +17,7 @@ from station.opcua.values import NOTHING, Value, aged, values_of
 from station.records.data_folder import Store
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED
 from station.records.samples.scan_record import unpack
+from station.run.jog.jogs import jogs, program_of
 from station.run.way_back.recoveries import recoveries, was_recovered
 from station.web.running import ENDED, RUNNING, STARTING, Now, Running
 
@@ -43,16 +45,19 @@ class BenchView:
 
     def __init__(self, data: Path) -> None:
         self._data, self._running = data, Running(data)
-        self._recovery = Running(recoveries(data).data)
+        self._recovery, self._jog = Running(recoveries(data).data), Running(jogs(data).data)
         self._values = dict(NOTHING)
         self._newest, self._changed_s = b"", 0.0
+        self._jog_program: tuple[str, Program] | None = None
 
     def look(self) -> BenchNow:
         """Return what is known now."""
         now = self._running.now()
-        recovery = self._recovery.now()
+        recovery, jog = self._recovery.now(), self._jog.now()
         if recovery.stage == RUNNING:
             now = recovery
+        if jog.stage == RUNNING:
+            now = replace(jog, serial="", program=self._program_of_jog(jog))  # the unit is not measured
         on = now.stage in (STARTING, RUNNING)
         state, settled = self._live(now) if on else (self._left(now), True)
         if not on:
@@ -63,6 +68,15 @@ class BenchView:
             "Run": now.run, "SerialNumber": now.serial, "Recipe": now.recipe,
         }  # fmt: skip
         return BenchNow(projected(state, settled=settled), texts, self._values)
+
+    def _program_of_jog(self, jog: Now) -> Program | None:
+        """Return the program of the jog that is on; None while it is being written."""
+        if self._jog_program is None or self._jog_program[0] != jog.run:
+            record = jogs(self._data).by_id(jog.run)
+            with suppress(StationError):
+                self._jog_program = None if record is None else (jog.run, program_of(record))
+        known = self._jog_program
+        return known[1] if known is not None and known[0] == jog.run else None
 
     def _live(self, now: Now) -> tuple[State, bool]:
         if not now.record or now.program is None:

@@ -1,7 +1,9 @@
 """A data folder as one file, and back: runs, recoveries, jogs, and the station's own database, each with its hash.
 
-The store is left out, for it is made again from the runs, and so is the private key of the computer: it stays where it
-is. A file is a tar archive with `backup.json` as its last member, which lists all others; one without it was cut short.
+The store is left out, for it is made again from the runs, and so is the private key by which the bench signs: it stays
+where it is. Other keys and secrets of the folder are in it, such as that of the OPC UA server, so nobody but its owner
+may read the file. It is a tar archive with `backup.json` as its last member, which lists all others; one without it
+was cut short.
 """
 
 from __future__ import annotations
@@ -39,6 +41,9 @@ MADE_AGAIN = (".lock", "-wal", "-shm")
 """Files of the folder that are made again: the store, locks, and what SQLite keeps beside its databases."""
 
 COPY_BYTES = 1 << 20
+OTHERS, PRIVATE, READABLE = 0o077, 0o600, 0o644
+"""Modes: what group and others may; a file for its owner alone; one that everybody reads."""
+
 NEWEST_LOOKED_AT = 5
 
 
@@ -53,11 +58,12 @@ class Kept:
 
 @dataclass(frozen=True, kw_only=True)
 class KeptFile:
-    """A file of a data folder in a backup."""
+    """A file of a data folder in a backup; private: nobody but its owner could read it, and nobody shall."""
 
     path: str
     bytes: int
     sha256: str
+    private: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -86,7 +92,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     _refuse_while_on(data)
     part = file.with_name(f".{file.name}.part")
     try:
-        with part.open("xb") as stream:
+        with _for_the_owner_alone(part) as stream:
             kept = _written(data, stream, told)
             stream.flush()
             os.fsync(stream.fileno())
@@ -136,11 +142,11 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     }
     paths = list(_files(data))
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
-        rows += [_add(archive, path.relative_to(data).as_posix(), content) for path, content in chains.items()]
+        rows += [_add(archive, data, path, content) for path, content in chains.items()]
         for path in paths:
             name = path.relative_to(data).as_posix()
             if path not in chains:
-                rows.append(_add(archive, name, _database(path) if name in DATABASES else path.read_bytes()))
+                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else path.read_bytes()))
                 told(len(rows))
         listed = FileList(format=FORMAT, made=made, files=tuple(rows))
         content = json.dumps(plain(listed), ensure_ascii=False).encode()
@@ -174,14 +180,21 @@ def _database(path: Path) -> bytes:
         return bytes(copy.serialize())
 
 
-def _add(archive: tarfile.TarFile, name: str, content: bytes) -> KeptFile:
+def _for_the_owner_alone(path: Path) -> Any:
+    """Open a new file that nobody else may read: keys and secrets of the data folder are in a backup."""
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, PRIVATE), "wb")
+
+
+def _add(archive: tarfile.TarFile, data: Path, path: Path, content: bytes) -> KeptFile:
+    name = path.relative_to(data).as_posix()
     _put(archive, name, content)
-    return KeptFile(path=name, bytes=len(content), sha256=hashlib.sha256(content).hexdigest())
+    private = name in DATABASES or not path.stat().st_mode & OTHERS
+    return KeptFile(path=name, bytes=len(content), sha256=hashlib.sha256(content).hexdigest(), private=private)
 
 
 def _put(archive: tarfile.TarFile, name: str, content: bytes) -> None:
     entry = tarfile.TarInfo(name)
-    entry.size, entry.mode = len(content), 0o600
+    entry.size, entry.mode = len(content), PRIVATE
     archive.addfile(entry, io.BytesIO(content))
 
 
@@ -261,7 +274,15 @@ def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int,
             f"{file}: {len(wrong)} files in this backup have changed since it was made, such as {wrong[0]}. Name "
             "another backup file"
         )
+    if into is not None:
+        _open_to_others(into, listed)
     return found, listed.made
+
+
+def _open_to_others(into: Path, listed: FileList) -> None:
+    """Let everybody read what was not private."""
+    for row in listed.files:
+        (into / row.path).chmod(PRIVATE if row.private or row.path in DATABASES else READABLE)
 
 
 def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[int, str]:
@@ -283,7 +304,7 @@ def _extracted(file: Path, name: str, content: Any, into: Path | None) -> tuple[
             out.flush()
             os.fsync(out.fileno())
     if into is not None:
-        into.joinpath(*pure.parts).chmod(0o600 if name in DATABASES else 0o644)
+        into.joinpath(*pure.parts).chmod(PRIVATE)
     return size, digest.hexdigest()
 
 

@@ -23,6 +23,8 @@ from definitions.jog import JogPhase
 from recipes import shipped_recipes
 from station.bench.request import load_job
 from station.errors import StationError
+from station.opcua.bench_view import BenchView
+from station.opcua.projection import NOTHING_KNOWN, PROJECTION
 from station.records.data_folder import Store
 from station.run.jog.jogs import jog_is_on, jog_job, jogs, program_of, why_no_jog
 
@@ -87,6 +89,22 @@ def jogging(tmp_path: Path) -> Iterator[Jogging]:
     if found.process.poll() is None:
         found.process.kill()
     found.process.wait()
+
+
+def test_opc_ua_shows_the_jog_while_it_is_on(jogging: Jogging) -> None:
+    view, ends = BenchView(jogging.data), time.monotonic() + LONGEST_S
+    while (seen := view.look()).states != PROJECTION[State.JOG]:
+        assert time.monotonic() < ends, seen
+        assert jogging.process.poll() is None, jogging.process.stdout.read()
+        time.sleep(0.05)
+    (record,) = jogs(jogging.data).newest(9)
+    assert (seen.texts["State"], seen.texts["Run"], seen.texts["SerialNumber"]) == ("jog", record.id, "")
+    assert seen.values["angle_in_rad"][0] is not None
+    jogging.say("end")
+    assert jogging.process.wait(LONGEST_S) == 0
+    while view.look().states != NOTHING_KNOWN:  # no run was ever made in this folder
+        assert time.monotonic() < ends
+        time.sleep(0.05)
 
 
 def stands(phase: int) -> bool:

@@ -30,6 +30,7 @@ from station.web.actions.values import (
     RecipeTried,
     Values,
 )
+from station.web.aqdef.outbox import refused
 from station.web.bypasses import bypasses_now
 from station.web.labels.outbox import awaited
 from station.web.people.accounts import chosen_language, session_of
@@ -94,6 +95,11 @@ def label(call: Call, _given: Values) -> Plain:
     labels = call.station.labels
     found = None if labels is None else awaited(call.connection, labels)
     return {} if found is None else {"run": found.run, "serial": found.serial, "stage": found.stage}
+
+
+def aqdef(call: Call, _given: Values) -> Plain:
+    """How many runs are in no AQDEF file without anybody knowing."""
+    return {"refused": refused(call.connection)}
 
 
 def scanner_test(call: Call, _given: Values) -> Plain:

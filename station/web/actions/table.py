@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from station.web.actions import bench, jog, labels, people, recipes, runs, seen, studies
+from station.web.actions import aqdef, bench, jog, labels, people, recipes, runs, seen, studies
 from station.web.actions.row import Action
 from station.web.actions.values import (
     AccountAdded,
     AccountChanged,
     Announced,
+    AqdefTold,
     BypassAdded,
     BypassEnded,
     ChosenLanguage,
@@ -42,6 +43,7 @@ from station.web.actions.values import (
     RecoveryBegun,
     RecoveryTold,
     RunConfirmed,
+    RunInNoFile,
     RunStarted,
     Scanned,
     Start,
@@ -85,6 +87,8 @@ ACTIONS: dict[str, Action] = {
                LabelTold, seen.label, ("run",), tells=("copy_number",)),
         Action("set_label_aside", "release a unit whose label was not scanned, with a reason", IN_CHARGE, NoLabel,
                labels.set_label_aside, LabelTold, seen.label, ("run", "reason")),
+        Action("acknowledge_aqdef", "acknowledge that a run is in no AQDEF file, with a reason", MAY_PLAN, RunInNoFile,
+               aqdef.acknowledge_aqdef, AqdefTold, seen.aqdef, ("run", "reason"), tells=("refused",)),
         Action("begin_recovery", "begin the recovery after a fault: read the devices, enable nothing", IN_CHARGE,
                Nothing, bench.begin_recovery, RecoveryBegun, seen.recovery, tells=("run", "cause"), reaches_out=True),
         Action("acknowledge_fault", "acknowledge the fault: bring the torque to zero and open the lock", IN_CHARGE,

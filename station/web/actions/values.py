@@ -55,6 +55,13 @@ class NoLabel(LabelOfRun):
     reason: str = Field(min_length=3, max_length=200)
 
 
+class RunInNoFile(Values):
+    """A run that is in no AQDEF file, and why that is all right."""
+
+    run: str = Field(max_length=200)
+    reason: str = Field(min_length=3, max_length=200)
+
+
 class Announced(Values):
     """A unit that comes to the bench, and what became of it in the process step before."""
 
@@ -265,6 +272,13 @@ class LabelTold(Outcome):
     run: str
     serial: str = ""
     copy_number: int = 0
+
+
+class AqdefTold(Outcome):
+    """The run that is known to be in no AQDEF file, and how many others are in none."""
+
+    run: str
+    refused: int
 
 
 class RecoveryBegun(Outcome):

@@ -8,6 +8,7 @@ a bench until another model, recipe or revision comes, the lot is full, or nothi
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,10 +17,11 @@ from sqlalchemy import Connection, insert, select, update
 
 from station.records.chain.entries import Fields
 from station.reports.headline import virtual_badges
-from station.results.sealed_runs import chain_end, result_of, sealed_since
+from station.results.sealed_runs import result_of
 from station.wall_clock import WALL_CLOCK
 from station.web.aqdef.settings import HOUR, LOT, UNIT, AqdefSettings
 from station.web.people.database import AQDEF_FILES, AQDEF_READ, AQDEF_RUNS, StationDatabase
+from station.web.people.read_chain import begin_at_the_end, read_on
 
 OPEN, COMPLETE, MADE, WRITTEN, WITHOUT = "open", "complete", "made", "written", "without runs"
 """Stages of a file: takes runs, takes no more, has its bytes, is in the folder, none of its runs has a place in it."""
@@ -53,8 +55,7 @@ class _Sealed(NamedTuple):
 def begin_here(database: StationDatabase, data: Path) -> None:
     """Note where the chain ends when the files are set up: earlier runs are written by 'quality dfq --out'."""
     with database.writing() as connection:
-        if connection.execute(select(AQDEF_READ.c.offset)).first() is None:
-            connection.execute(insert(AQDEF_READ).values(number=1, offset=chain_end(data)))
+        begin_at_the_end(connection, AQDEF_READ, data)
 
 
 def collect(database: StationDatabase, data: Path, settings: AqdefSettings) -> int:
@@ -64,23 +65,21 @@ def collect(database: StationDatabase, data: Path, settings: AqdefSettings) -> i
     """
     now = WALL_CLOCK.now()  # before the chain is read: what was sealed in an hour that is over is in it
     with database.reading() as connection:
-        offset = connection.execute(select(AQDEF_READ.c.offset)).scalar() or 0
         ending = any(_is_over(row, settings, now) for row in _open_files(connection))
-    sealed, end = sealed_since(data, offset)
-    if end == offset and not ending:
-        return 0
-    runs = [one for fields in sealed if (one := _counted(data, fields, settings)) is not None]
-    with database.writing() as connection:
-        taken = update(AQDEF_READ).where(AQDEF_READ.c.offset == offset).values(offset=end)
-        if not connection.execute(taken).rowcount:
-            return 0
-        new = [one for one in runs if _is_new(connection, one.run)]
-        for one in new:
-            _put(connection, one, settings)
+    new = 0
+
+    def put(connection: Connection, runs: Sequence[tuple[Fields, _Sealed | None]]) -> None:
+        nonlocal new
+        for _, one in runs:
+            if one is not None and _is_new(connection, one.run):
+                _put(connection, one, settings)
+                new += 1
         for row in _open_files(connection):
             if _is_over(row, settings, now):
                 _end(connection, row.number)
-    return len(new)
+
+    read_on(database, data, AQDEF_READ, lambda fields: _counted(data, fields, settings), put, always=ending)
+    return new
 
 
 def _counted(data: Path, fields: Fields, settings: AqdefSettings) -> _Sealed | None:

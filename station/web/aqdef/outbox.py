@@ -16,7 +16,7 @@ from pathlib import Path
 from threading import Event, Thread
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, func, insert, select, update
+from sqlalchemy import ColumnElement, Connection, func, insert, select, update
 
 from station.atomic_file import write_new
 from station.errors import StationError
@@ -27,7 +27,7 @@ from station.version import version
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.aqdef.collect import COMPLETE, MADE, OPEN, WITHOUT, WRITTEN, Part, begin_here, collect
 from station.web.aqdef.settings import AqdefSettings
-from station.web.people.database import AQDEF_FILES, AQDEF_RUNS, StationDatabase
+from station.web.people.database import AQDEF_FILES, AQDEF_KNOWN, AQDEF_RUNS, StationDatabase
 
 LOOK_EVERY_S = 1.0
 FIRST_WAIT_S, LONGEST_WAIT_S = 1.0, 60.0
@@ -45,7 +45,8 @@ DOES_NOT_COUNT = "this run does not count: it was altered, or signed with an unk
 class Waiting(NamedTuple):
     """Files that the folder has not taken yet, runs that are in none, and why; '' : all is well.
 
-    open: files that take further runs. waiting: complete ones. refused: runs without a file.
+    open: files that take further runs. waiting: complete ones. refused: runs without a file that nobody has
+    acknowledged.
     """
 
     open: int
@@ -62,13 +63,36 @@ def waiting(connection: Connection) -> Waiting:
     )
     left = select(AQDEF_FILES.c.last_error).where(AQDEF_FILES.c.stage == MADE, AQDEF_FILES.c.last_error != "")
     error = connection.execute(left.order_by(AQDEF_FILES.c.number).limit(1)).scalar() or ""
-    without = AQDEF_RUNS.c.why != ""
-    refused = connection.execute(select(func.count()).select_from(AQDEF_RUNS).where(without)).scalar_one()
-    newest = connection.execute(
-        select(AQDEF_RUNS).where(without).order_by(AQDEF_RUNS.c.run.desc()).limit(1)
-    ).first()  # fmt: skip
+    newest = connection.execute(select(AQDEF_RUNS).where(_refused()).order_by(AQDEF_RUNS.c.run.desc()).limit(1)).first()
     why = "" if newest is None else f"run {newest.run}: {newest.why}"
-    return Waiting(stages.get(OPEN, 0), stages.get(COMPLETE, 0) + stages.get(MADE, 0), error, refused, why)
+    complete = stages.get(COMPLETE, 0) + stages.get(MADE, 0)
+    return Waiting(stages.get(OPEN, 0), complete, error, refused(connection), why)
+
+
+def _refused() -> ColumnElement[bool]:
+    """Return the condition that a run is in no file, and that nobody has said that this is known."""
+    return (AQDEF_RUNS.c.why != "") & AQDEF_RUNS.c.run.not_in(select(AQDEF_KNOWN.c.run))
+
+
+def refused(connection: Connection) -> int:
+    """Return how many runs are in no file without anybody having said that this is known."""
+    return connection.execute(select(func.count()).select_from(AQDEF_RUNS).where(_refused())).scalar_one()
+
+
+def acknowledge(connection: Connection, run: str, name: str, reason: str) -> int:
+    """Note that somebody knows that a run is in no file; return how many are left. It stays in no file.
+
+    Raises:
+        StationError: the run is in a file, or waits for one, or this is known already.
+
+    """
+    if connection.execute(select(AQDEF_RUNS.c.run).where(_refused(), AQDEF_RUNS.c.run == run)).first() is None:
+        raise StationError(
+            f"Run {run[:80]!r} is not refused: it has a file, waits for one, or was acknowledged. See 'aqdef' in "
+            "/api/now."
+        )
+    connection.execute(insert(AQDEF_KNOWN).values(run=run, name=name, at=now_text(), reason=reason))
+    return refused(connection)
 
 
 def look(database: StationDatabase, data: Path, settings: AqdefSettings, *, at_once: bool = False) -> int:

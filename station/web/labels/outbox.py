@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from threading import Event, Thread
 from typing import Any, NamedTuple
@@ -17,15 +18,17 @@ from typing import Any, NamedTuple
 from sqlalchemy import ColumnElement, Connection, delete, insert, select, update
 
 from station.errors import StationError
+from station.records.chain.entries import Fields
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.results.sealed_runs import chain_end, result_of, sealed_since
+from station.results.sealed_runs import result_of, sealed_since
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.labels.of_run import NotYetError, label_for, label_of
 from station.web.labels.printer import Line, PrinterError, connected
 from station.web.labels.settings import Labels
 from station.web.labels.template import LabelError
 from station.web.people.database import LABELS, LABELS_READ, StationDatabase
+from station.web.people.read_chain import begin_at_the_end, read_on
 from station.web.scanner import without_identifier
 
 LOOK_EVERY_S = 0.3
@@ -79,8 +82,7 @@ def begin_here(database: StationDatabase, data: Path, labels: Labels | None = No
         if labels is not None and labels.settings.read_back is None:
             printed = LABELS.c.done_at.is_(None) & LABELS.c.printed_at.is_not(None)
             connection.execute(update(LABELS).where(printed).values(done_at=now_text(), why=NOT_ASKED, label=""))
-        if connection.execute(select(LABELS_READ.c.offset)).first() is None:
-            connection.execute(insert(LABELS_READ).values(number=1, offset=chain_end(data)))
+        begin_at_the_end(connection, LABELS_READ, data)
 
 
 def not_set_up(connection: Connection) -> list[str]:
@@ -105,28 +107,22 @@ def collect(database: StationDatabase, data: Path, labels: Labels, *, at_start: 
         StationError: the chain or the database cannot be read.
 
     """
-    with database.reading() as connection:
-        offset = connection.execute(select(LABELS_READ.c.offset)).scalar() or 0
-    sealed, end = sealed_since(data, offset)
-    if end == offset:
-        return 0
-    made = [label_for(data, fields, labels) for fields in sealed]
-    with database.writing() as connection:
-        taken = update(LABELS_READ).where(LABELS_READ.c.offset == offset).values(offset=end)
-        if not connection.execute(taken).rowcount:
-            return 0
-        for fields, row in zip(sealed, made, strict=True):
+
+    def put(connection: Connection, made: Sequence[tuple[Fields, Any]]) -> None:
+        for fields, row in made:
             run = str(fields["run"])
             before = (LABELS.c.serial == fields["serial"]) & (LABELS.c.run < run) & LABELS.c.done_at.is_(None)
             again = {"done_at": now_text(), "why": f"{MEASURED_AGAIN}: {run}", "label": ""}
             connection.execute(update(LABELS).where(before).values(**again))
             if row is None or connection.execute(select(LABELS.c.number).where(LABELS.c.run == run)).first():
                 continue
-            left = at_start and fields is not sealed[-1]
+            left = at_start and fields is not made[-1][0]
             gone = {"done_at": now_text(), "why": NOBODY_PRINTED, "label": ""} if left else {}
             new = {**row._asdict(), "copy": 1, "next_s": 0.0, "done_by": "", "why": ""}
             connection.execute(insert(LABELS).values(**new | gone))
-    return sum(row is not None for row in made)
+
+    made = read_on(database, data, LABELS_READ, lambda fields: label_for(data, fields, labels), put)
+    return sum(row is not None for _, row in made)
 
 
 def awaited(connection: Connection, labels: Labels) -> Awaited | None:

@@ -12,6 +12,7 @@ import hashlib
 import hmac
 import json
 import sys
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
@@ -23,12 +24,14 @@ from sqlalchemy import Connection, func, insert, select, update
 from station.documents.entries import plain
 from station.documents.result import Result
 from station.errors import StationError
-from station.results.sealed_runs import chain_end, result_of, sealed_since
+from station.records.chain.entries import Fields
+from station.results.sealed_runs import result_of
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.mes.previous_step import heard
 from station.web.mes.settings import MesSettings, read_secret
 from station.web.people import audit
 from station.web.people.database import MES_CONTACT, WEBHOOKS, WEBHOOKS_READ, StationDatabase
+from station.web.people.read_chain import begin_at_the_end, read_on
 
 RESULT_SEALED, ALIVE = "result", "alive"
 SIGNATURE, TIMESTAMP, KEY = "X-Lostmotion-Signature", "X-Lostmotion-Timestamp", "Idempotency-Key"
@@ -86,8 +89,7 @@ def waiting(connection: Connection) -> Waiting:
 def begin_here(database: StationDatabase, data: Path) -> None:
     """Note where the chain ends when the MES is set up: earlier runs are not told."""
     with database.writing() as connection:
-        if connection.execute(select(WEBHOOKS_READ.c.offset)).first() is None:
-            connection.execute(insert(WEBHOOKS_READ).values(number=1, offset=chain_end(data)))
+        begin_at_the_end(connection, WEBHOOKS_READ, data)
 
 
 def collect(database: StationDatabase, data: Path) -> int:
@@ -97,27 +99,18 @@ def collect(database: StationDatabase, data: Path) -> int:
         StationError: the chain or the database cannot be read.
 
     """
-    with database.reading() as connection:
-        offset = connection.execute(select(WEBHOOKS_READ.c.offset)).scalar() or 0
-    sealed, end = sealed_since(data, offset)
-    if end == offset:
-        return 0
-    messages = [(fields, *result_of(data, fields["run"])) for fields in sealed]
-    with database.writing() as connection:
-        taken = update(WEBHOOKS_READ).where(WEBHOOKS_READ.c.offset == offset).values(offset=end)
-        if not connection.execute(taken).rowcount:
-            return 0
-        head = audit.head_of(connection)
-        for fields, altered, result in messages:
-            told = {name: fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
-            message = SealedRun(**told, sealed_at=fields["time"], result=result, altered=tuple(altered), audit=head)
-            key = f"{RESULT_SEALED}:{message.run}:{message.sha256[:16]}"
-            if connection.execute(select(WEBHOOKS.c.number).where(WEBHOOKS.c.key == key)).first() is None:
-                body = json.dumps(plain(message), ensure_ascii=False, sort_keys=True)
-                connection.execute(
-                    insert(WEBHOOKS).values(key=key, serial=message.serial, body=body, tries=0, next_s=0.0)
-                )
-    return len(sealed)
+    return len(read_on(database, data, WEBHOOKS_READ, lambda fields: result_of(data, fields["run"]), _put))
+
+
+def _put(connection: Connection, messages: Sequence[tuple[Fields, tuple[Sequence[str], Result | None]]]) -> None:
+    head = audit.head_of(connection)
+    for fields, (altered, result) in messages:
+        told = {name: fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
+        message = SealedRun(**told, sealed_at=fields["time"], result=result, altered=tuple(altered), audit=head)
+        key = f"{RESULT_SEALED}:{message.run}:{message.sha256[:16]}"
+        if connection.execute(select(WEBHOOKS.c.number).where(WEBHOOKS.c.key == key)).first() is None:
+            body = json.dumps(plain(message), ensure_ascii=False, sort_keys=True)
+            connection.execute(insert(WEBHOOKS).values(key=key, serial=message.serial, body=body, tries=0, next_s=0.0))
 
 
 class Sender:

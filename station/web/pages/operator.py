@@ -29,13 +29,29 @@ from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.live import GrowingLoop, Looks
 from station.web.pages.quality_figures import Options
-from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown, attempts_said
+from station.web.pages.words import (
+    ENDINGS,
+    NOT_BELIEVED,
+    READY,
+    RUNNING,
+    STARTING,
+    VERDICTS,
+    Shown,
+    attempts_said,
+    reason_said,
+)
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
 from station.web.running import STARTING as IS_STARTING
 from station.web.scanner_test import is_test_code
 from station.web.station import Station
+
+KEPT_FOR_S = 30.0
+"""How long a page whose connection was lost finds itself as it was; after that the browser loads it anew.
+
+A browser that is held up for some seconds must not lose what is being scanned.
+"""
 
 SHORTEST_S = 0.05
 """Between two looks of a page, also of one whose session has ended."""
@@ -61,7 +77,7 @@ def add_pages(station: Station) -> None:
     def enter(request: Request) -> Response:
         return HTMLResponse(enter_page(words_for(station, None, request)))
 
-    @ui.page("/", title="lostmotion")
+    @ui.page("/", title="lostmotion", reconnect_timeout=KEPT_FOR_S)
     async def operator(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
@@ -297,7 +313,7 @@ def _why(now: Now, say: Words) -> str:
         return "<br>".join(escape(one) for one in now.altered)
     if now.result is None:
         return ""
-    reasons = "".join(f"<p>{escape(say(one))}</p>" for one in remaining_reasons(now.result)[:4])
+    reasons = "".join(f"<p>{escape(reason_said(one, say))}</p>" for one in remaining_reasons(now.result)[:4])
     return f"{reasons}{metrics_table(now.result, say)}"
 
 

@@ -226,6 +226,15 @@ AQDEF_RUNS = Table(
 )  # fmt: skip
 """Runs by the file that they are in; one that is in none says why: its file is 0, or the one that left it out."""
 
+AQDEF_KNOWN = Table(
+    "aqdef_known", METADATA,
+    Column("run", String(200), primary_key=True),
+    Column("name", String(64), nullable=False),
+    Column("at", String(40), nullable=False),
+    Column("reason", Text, nullable=False),
+)  # fmt: skip
+"""Runs that are in no AQDEF file of which somebody has said that this is known."""
+
 AQDEF_READ = Table(
     "aqdef_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
 )

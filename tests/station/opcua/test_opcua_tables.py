@@ -27,7 +27,7 @@ from station.opcua import result_data
 from station.opcua.bench_view import STATE_OF_RUN, BenchView
 from station.opcua.certificates import checked_certificate, make_certificate
 from station.opcua.outbox import Outbox
-from station.opcua.projection import PROJECTION, ItemState, PackMl, projected
+from station.opcua.projection import PROJECTION, ItemState, OperationMode, PackMl, UnitMode, projected
 from station.opcua.server import _held
 from station.opcua.settings import Client, load_opcua
 from station.opcua.values import UNITS, VALUES, unit_information, values_of
@@ -98,6 +98,15 @@ def test_the_bench_is_shown_while_a_run_is_on_and_as_it_was_left(
     fault = NO_ORDERS._replace(state=State.FAULT, phase=FaultReaction.SETTLED - 1)
     monkeypatch.setattr(view._running, "now", lambda: replace(now, record=pack((0, 0, 0, 0), FRESH, fault)))
     assert view.look().states.packml is PackMl.ABORTING
+    jog = replace(now, serial="jog", run="a jog", record=pack((0, 0, 0, 0), FRESH, NO_ORDERS._replace(state=State.JOG)))
+    with monkeypatch.context() as patch:
+        patch.setattr(view._jog, "now", lambda: jog)
+        patch.setattr(view, "_program_of_jog", lambda _: program)
+        jogged = view.look()
+        assert (jogged.states.mode, jogged.states.operation) == (UnitMode.MANUAL, OperationMode.SETUP)
+        assert (jogged.texts["Run"], jogged.texts["SerialNumber"]) == ("a jog", "")
+        patch.setattr(view, "_program_of_jog", lambda _: None)
+        assert view.look().states.packml is PackMl.IDLE, "its program is being written"
     run = store_run(tmp_path, "SN-1", [metric(0.5)])
     monkeypatch.setattr(view._running, "now", lambda: Now(ENDED, "SN-1", run.id))
     left = view.look()

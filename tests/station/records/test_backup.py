@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import shutil
 import tarfile
@@ -10,10 +11,13 @@ from pathlib import Path
 
 import pytest
 from lostmotion_command import here
+from opcua_support import SETTINGS
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from station.errors import StationError
+from station.opcua.certificates import checked_certificate, make_certificate
+from station.opcua.settings import load_opcua
 from station.records.backup import LIST, back_up, restore
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
@@ -70,6 +74,41 @@ def test_what_was_wiped_comes_back_as_it_was(data: Path, tmp_path: Path) -> None
     assert [run["verdict"] for run in json.loads(here("list", "--data", str(data), "--json").out)] == [
         "PASS", "FAIL", "PASS",
     ]  # fmt: skip
+
+
+def test_keys_and_secrets_are_in_it_and_stay_for_their_owner_alone(data: Path, tmp_path: Path) -> None:
+    (data / "opcua.yaml").write_text(SETTINGS.format(port=4840), encoding="utf-8")
+    (data / "opcua" / "trusted").mkdir(parents=True)
+    make_certificate(data, load_opcua(data), ())
+    secret = data / "mes-secret"
+    secret.write_bytes(b"s" * 32)
+    secret.chmod(0o600)
+    file, restored = tmp_path / "backup.tar", tmp_path / "restored"
+    back_up(data, file)
+    assert file.stat().st_mode & 0o777 == 0o600
+    restore(file, restored)
+    settings = load_opcua(restored)
+    checked_certificate(restored, settings)  # refuses a key that others can read
+    for name in (settings.key, "mes-secret", FILE):
+        assert (restored / name).read_bytes() == (data / name).read_bytes() or name == FILE
+        assert (restored / name).stat().st_mode & 0o777 == 0o600, name
+    assert (restored / settings.certificate).stat().st_mode & 0o777 == 0o644
+
+
+def test_a_backup_of_an_older_version_does_not_say_what_is_private(data: Path, tmp_path: Path) -> None:
+    file, older = tmp_path / "backup.tar", tmp_path / "older.tar"
+    back_up(data, file)
+    with tarfile.open(file) as there, tarfile.open(older, "w", format=tarfile.PAX_FORMAT) as made:
+        for entry in there:
+            text = there.extractfile(entry).read()
+            if entry.name == LIST:
+                text = text.replace(b', "private": true', b"").replace(b', "private": false', b"")
+                assert b"private" not in text
+            entry.size = len(text)
+            made.addfile(entry, io.BytesIO(text))
+    restore(older, tmp_path / "restored")
+    assert (tmp_path / "restored" / FILE).stat().st_mode & 0o777 == 0o600
+    assert content(tmp_path / "restored") == content(data)
 
 
 def test_a_server_that_is_on_does_not_keep_its_accounts_out_of_it(data: Path, tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from station.web.aqdef import outbox
 from station.web.aqdef.collect import BEHIND_THE_HOUR_S, begin_here
 from station.web.aqdef.outbox import Waiting, Writer, look, waiting
 from station.web.aqdef.settings import FILE, load_aqdef
+from station.web.people import audit
 from station.web.people.database import AQDEF_FILES
 from station.web.station import Station
 
@@ -162,6 +163,28 @@ def test_a_run_that_does_not_fit_the_format_is_told_and_keeps_none_from_its_file
     shown = client_of(plant, "quality").http.get("/api/now").json()["aqdef"]
     assert shown["refused"] == 4
     assert shown["last_refused"].startswith("run ")
+
+
+def test_who_knows_that_a_run_is_in_no_file_says_so_once_and_the_trail_has_it(station: Station, share: Path) -> None:
+    plant = set_up(station, share, "unit")
+    for serial in ("S" * 41, "T" * 41):
+        store_run(plant.data, serial, [metric(0.4)])
+    pass_of(plant)
+    quality = client_of(plant, "quality")
+    run = quality.http.get("/api/now").json()["aqdef"]["last_refused"].removeprefix("run ").partition(":")[0]
+    asked = {"run": run, "reason": "the customer has it on paper"}
+    assert client_of(plant, "operator").post("acknowledge_aqdef", asked).status_code == 403
+    told = quality.post("acknowledge_aqdef", asked)
+    assert (told.status_code, told.json()["refused"]) == (200, 1)
+    assert quality.post("acknowledge_aqdef", asked).status_code == 409
+    assert quality.post("acknowledge_aqdef", {**asked, "run": "no such run"}).status_code == 409
+    shown = quality.http.get("/api/now").json()["aqdef"]
+    assert (shown["refused"], run in shown["last_refused"]) == (1, False)
+    assert pass_of(plant) == 0, "it stays in no file"
+    with plant.database.writing() as connection:
+        lines = [line for line in audit.lines_of(connection, 9) if line.action == "acknowledge_aqdef"]
+    done = next(line for line in lines if line.outcome == audit.DONE)
+    assert all(word in done.detail for word in ("on paper", run, '"refused": 2', '"refused": 1'))
 
 
 def test_a_share_that_is_away_is_waited_for_and_told(station: Station, share: Path) -> None:

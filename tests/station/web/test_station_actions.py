@@ -31,6 +31,7 @@ VALUES = {
     "read_label": {"scanned": "no label"},
     "print_label": {"run": "R"},
     "set_label_aside": {"run": "R", "reason": "none is needed"},
+    "acknowledge_aqdef": {"run": "R", "reason": "none is needed"},
     "begin_recovery": {},
     "acknowledge_fault": {"recovery": "R"},
     "leave_recovery": {"recovery": "R"},

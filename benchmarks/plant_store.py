@@ -44,13 +44,13 @@ MANY = 250_000
 AT_A_TIME = 5000
 MODELS = ("RV-40E-121", "RV-80E-101", "RV-20E-105")
 OPERATORS = ("A. Tester", "B. Tester", "C. Tester", "D. Tester")
+FIXTURES = ("F-1", "F-2")
 UNDECIDED_EVERY = 30
 METRICS_OF_A_RUN = 4
 """Of which each has two sides: eight values a run."""
 
 MULTIPLIED = (
-    """INSERT INTO metrics SELECT m.chain, r.run, m.position, m.side, m.main, m.metric, m.definition, m.unit, m.branch,
-       m.estimator, m.band, m.torque_nm, m.choices, m.cycles, m.value + {scatter},
+    """INSERT INTO metrics SELECT m.chain, r.run, m.position, m.side, m.main, m.meaning, m.cycles, m.value + {scatter},
        m.uncertainty, m.coverage_factor, m.limit_min, m.limit_max,
        CASE WHEN m.position = 0 THEN r.verdict ELSE 'PASS' END
        FROM runs r JOIN metrics m ON m.chain = r.chain AND m.run = :sample AND m.position < :metrics
@@ -65,15 +65,15 @@ MULTIPLIED = (
 """Statements that give every run the metrics and checks of one, with values that scatter."""
 
 RUNS_BY_HOUR = """INSERT INTO run_hours SELECT chain, hour, bench, recipe, revision, model, coalesce(operator, ''),
-    coalesce(key, ''), state, coalesce(verdict, ''), master, virtual, in_production, valid, attempt = 1, count(*)
-    FROM runs GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15 ON CONFLICT DO NOTHING"""
-METRICS_BY_HOUR = """INSERT INTO metric_hours SELECT r.chain, metric, hour, bench, recipe, revision, model,
-    coalesce(operator, ''), coalesce(key, ''), virtual, choices, branch, definition, estimator, band, torque_nm, unit,
-    side, count(*) FILTER (WHERE valid), coalesce(avg(value) FILTER (WHERE valid), 0),
+    coalesce(key, ''), fixture, state, coalesce(verdict, ''), master, virtual, in_production, valid, attempt = 1,
+    count(*) FROM runs GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16 ON CONFLICT DO NOTHING"""
+METRICS_BY_HOUR = """INSERT INTO metric_hours SELECT r.chain, meaning, side, hour, bench, recipe, revision, model,
+    coalesce(operator, ''), coalesce(key, ''), fixture, virtual,
+    count(*) FILTER (WHERE valid), coalesce(avg(value) FILTER (WHERE valid), 0),
     coalesce(var_pop(value) FILTER (WHERE valid), 0) * count(*) FILTER (WHERE valid),
     count(*) FILTER (WHERE r.verdict = 'FAIL' AND m.verdict = 'FAIL')
     FROM runs r JOIN metrics m ON m.chain = r.chain AND m.run = r.run WHERE in_production AND attempt = 1
-    GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18 ON CONFLICT DO NOTHING"""
+    GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 ON CONFLICT DO NOTHING"""
 
 WORDS = {
     "sqlite": {"scatter": "(abs(random()) % 1000) * 1e-4 - 0.05", "true": "1"},
@@ -102,6 +102,7 @@ def older_rows(sample: dict[str, Any], count: int, every: timedelta) -> Iterator
             "verdict": "FAIL" if failed else "NOT DECIDABLE" if undecided else "PASS", "valid": not undecided,
             "objection": "measurement invalid: drift" if undecided else "",
             "model": MODELS[moment.toordinal() % len(MODELS)], "operator": OPERATORS[moment.hour // 8],
+            "fixture": FIXTURES[moment.day % len(FIXTURES)], "lock_angle_deg": number * 37.7 % 360.0,
         }  # fmt: skip
 
 

@@ -92,6 +92,7 @@ class FixtureParts(Section):
 class Fixture(Section):
     """Clamping of the unit; its wind-up is taken out of the measured one.
 
+    name: what the fixture is called where a bench has several; kept in each run, which can be grouped by it.
     stiffness: of all of it, at the output, alone or with the curve of a blank test; or instead of both its parts.
     accuracy: limit of the error of its stiffness. drift: limit of the wind-up's creep with the torque, alike in every
     cycle; steady drift is measured. lock_width, lock_windup: limits of what another locking of the shaft changes in the
@@ -99,6 +100,7 @@ class Fixture(Section):
     unit, not of one position.
     """
 
+    name: Name | None = None
     stiffness_nm_per_arcmin: Stiffness | None = None
     parts: FixtureParts | None = None
     curve: FixtureCurve | None = None

@@ -87,7 +87,10 @@ class RecipeSource(RecipeHead):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BenchSource:
-    """A bench file; `embedded`: the virtual bench; `public_key`: that of its computer, where the file names one."""
+    """A bench file; `embedded`: the virtual bench; `public_key`: that of its computer, where the file names one.
+
+    `fixture`: name of the fixture, where the file gives one.
+    """
 
     name: Name
     revision: Count
@@ -95,6 +98,7 @@ class BenchSource:
     file: str | None = left_out()
     embedded: bool
     public_key: str | None = None
+    fixture: str | None = left_out()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

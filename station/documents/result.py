@@ -189,7 +189,8 @@ class Result:
     """What a run or an evaluation came to. `gates` are the validity checks.
 
     `altered`: why a record is not as it was when the run was concluded. `records` and `waiting`: of a run without a
-    result, its scans on disk and in memory.
+    result, its scans on disk and in memory. `lock_angle_deg`: of the locked shaft when the lock had closed, from 0 to
+    360 by the reference of its encoder; left out where the run did not come to loading.
     """
 
     run: str | None
@@ -215,6 +216,7 @@ class Result:
     stages: tuple[StageRow, ...] = ()
     timing: Timing | None = None
     alarms: tuple[Alarm, ...] = ()
+    lock_angle_deg: Number | None = left_out()
     left: LeftState | None = None
     record: str | None = None
     records: int | None = left_out()

@@ -36,6 +36,7 @@ from station.records.seal import seal
 from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
 from station.results.evaluation import evaluate_trace, ratio_of, trace_of
 from station.results.judged import check_values, judged_in
+from station.results.lock_angle import lock_angle_deg
 from station.run.outcome import RunOutcome
 from station.scan.supervisor_watch import SUPERVISOR_GONE, SUPERVISOR_SILENT
 from station.wall_clock import now_text
@@ -137,6 +138,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
         stages=judged.stages,
         timing=timing,
         alarms=tuple(alarms_in(events)),
+        lock_angle_deg=lock_angle_deg(table, loading_input=program.loading_input),
         left=None if state == "complete" else left_state(table, program, to_its_end=_seen_to_its_end(state, outcome)),
         record=str(record.folder),
     )

@@ -42,6 +42,7 @@ def bench_source(job: Job) -> BenchSource:
         file=str(job.bench_source.path),
         embedded=bench.embedded,
         public_key=bench.public_key,
+        fixture=job.bench.fixture.name,
     )
 
 

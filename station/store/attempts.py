@@ -16,8 +16,9 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
 from station.records.data_folder import MOST as MOST_BEFORE
 from station.records.run_record import NOT_CONCLUDED
+from station.store.plant.meanings import meaning_of_metrics
 from station.store.stored_runs import COLUMNS, MOST_NAMED, StoredRun, believed
-from station.store.tables import ATTEMPTS, METRICS, RUNS
+from station.store.tables import ATTEMPTS, MEANINGS, METRICS, RUNS
 
 FIRST = 1
 ALTERED = "altered"
@@ -82,7 +83,8 @@ def _failed(connection: Connection, chain: Chain, runs: list[str]) -> dict[str, 
     """Return the titles of the metrics that failed, without what stands in brackets, by run."""
     found: dict[str, tuple[str, ...]] = {}
     for first in range(0, len(runs), MOST_NAMED):
-        asked = select(METRICS.c.run, METRICS.c.metric).where(
+        asked = select(METRICS.c.run, MEANINGS.c.metric).select_from(METRICS)
+        asked = asked.join(MEANINGS, meaning_of_metrics()).where(
             METRICS.c.chain == chain.id, METRICS.c.run.in_(runs[first : first + MOST_NAMED]), METRICS.c.main,
             METRICS.c.verdict == "FAIL",
         )  # fmt: skip

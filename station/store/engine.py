@@ -19,7 +19,7 @@ from station.store.plant.sizes import tell_sizes
 from station.store.tables import METADATA, RUNS
 
 ACTION = "Check that the database is running and that this user may write to it"
-HEAD = "0007"
+HEAD = "0008"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"
@@ -62,8 +62,12 @@ class Database:
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """Yield a connection that sees one state of the store; StoreError where it fails."""
-        with _told(self.place), self._engine.connect() as connection, connection.begin():
-            yield connection
+        with _told(self.place), self._engine.connect() as plain:
+            # PostgreSQL would show each statement a state of its own; SQLite never does.
+            level = "REPEATABLE READ" if plain.dialect.name == "postgresql" else None
+            connection = plain.execution_options(isolation_level=level) if level else plain
+            with connection.begin():
+                yield connection
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:

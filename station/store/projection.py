@@ -24,6 +24,7 @@ from station.records.seal import alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
 from station.store.plant.hours import COMPLETE, count_hours, hour_of, hours_of
+from station.store.plant.meanings import Meaning, number_of, put_meanings
 from station.store.plant.months import make_months
 from station.store.plant.retests import note_retests, serials_of
 
@@ -40,7 +41,7 @@ MEASURED, CONVERTED = "output torque as measured", "output torque converted from
 """Where the output torque of a run comes from, as its stage says."""
 
 NOT_ONES_OWN = (tables.RECIPES, tables.BENCHES, tables.UNITS)
-"""Tables whose rows several runs share."""
+"""Tables whose rows several runs share, besides MEANINGS."""
 
 
 def rows_of(run: RunRecord, chain: Chain) -> Rows:
@@ -75,7 +76,9 @@ def put_rows(connection: Connection, chain: str, found: Mapping[str, Rows]) -> N
             together.setdefault(table, []).extend(content)
     make_months(connection, found)
     for table, content in together.items():
-        if table in NOT_ONES_OWN:
+        if table is tables.MEANINGS:
+            put_meanings(connection, chain, (Meaning(*(str(row[name]) for name in Meaning._fields)) for row in content))
+        elif table in NOT_ONES_OWN:
             _put_missing(connection, table, content)
         elif content:
             connection.execute(insert(table), content)
@@ -211,6 +214,8 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "valid": said["state"] == COMPLETE and not (objected or altered),
         "hour": hour_of(manifest.started),
         "again": False,
+        "fixture": manifest.bench.fixture or "",
+        "lock_angle_deg": None if result is None else result.lock_angle_deg,
     }
 
 
@@ -226,7 +231,7 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
         row = dict.fromkeys(column.name for column in tables.RUNS.columns)
         row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
         row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
-        row |= dict.fromkeys(("model", "recipe", "bench", "master", "torque_source", "objection"), "")
+        row |= dict.fromkeys(("model", "recipe", "bench", "fixture", "master", "torque_source", "objection"), "")
         row |= {
             "virtual": False,
             "in_production": False,
@@ -243,6 +248,9 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
 def _result_rows(chain: str, run: RunRecord, result: Result) -> Rows:
     own = {"chain": chain, "run": run.id}
     found: Rows = {
+        tables.MEANINGS: [
+            {"chain": chain, "meaning": number_of(one), **one._asdict()} for one in map(meaning_of, result.metrics)
+        ],
         tables.METRICS: [
             own | {"position": position} | row
             for position, metric in enumerate(result.metrics)
@@ -267,18 +275,25 @@ def _result_rows(chain: str, run: RunRecord, result: Result) -> Rows:
     return found
 
 
+def meaning_of(metric: MetricValue) -> Meaning:
+    """Return what a metric of a result means."""
+    return Meaning(
+        metric=metric.id,
+        choices=" ".join(metric.choices),
+        branch=metric.branch,
+        definition=metric.definition,
+        estimator=metric.estimator,
+        band=json.dumps(metric.band),
+        torque_nm=json.dumps(metric.torque_nm),
+        unit=metric.unit,
+    )
+
+
 def _metric_rows(metric: MetricValue) -> list[Row]:
     """Return a row for each side of a metric, the one that it goes by among them."""
     shared: Row = {
-        "metric": metric.id,
-        "definition": metric.definition,
-        "unit": metric.unit,
-        "branch": metric.branch,
-        "estimator": metric.estimator,
+        "meaning": number_of(meaning_of(metric)),
         "cycles": metric.cycles,
-        "band": json.dumps(metric.band),
-        "torque_nm": json.dumps(metric.torque_nm),
-        "choices": " ".join(metric.choices),
         "limit_min": metric.limits.min,
         "limit_max": metric.limits.max,
         "coverage_factor": metric.coverage_factor,

@@ -21,7 +21,8 @@ def csv_of(rows: list[RunTableRow], style: CsvStyle) -> str:
         heads += [f"{column.name}{unit}", f"U({column.name}){unit}"]
     writer.writerow(heads)
     for row in rows:
-        cells = [text_cell(row.cell(name)) for name in RUN_COLUMNS]
+        said = (row.cell(name) for name in RUN_COLUMNS)
+        cells = [figure_cell(one, style) if isinstance(one, float) else text_cell(one) for one in said]
         for column in columns:
             found = row.values.get(column)
             cells += [figure_cell(part, style) for part in ((None, None) if found is None else found[:2])]

@@ -9,18 +9,16 @@ from typing import NamedTuple
 from sqlalchemy import select
 
 from station.store.attempts import attempts_told
+from station.store.plant.meanings import meanings_of
 from station.store.stored_runs import COLUMNS, StoredRun, Wanted, believed, meant
 from station.store.tables import METRICS, RUNS
 from station.store.view import View
 
 RUN_COLUMNS = (
-    "run", "started", "ended", "serial", "attempt", "attempts", "model", "recipe", "revision", "bench", "operator",
-    "clock", "virtual", "master", "scenario", "state", "verdict", "objection", "altered",
+    "run", "started", "ended", "serial", "attempt", "attempts", "model", "recipe", "revision", "bench", "fixture",
+    "lock_angle_deg", "operator", "clock", "virtual", "master", "scenario", "state", "verdict", "objection", "altered",
 )  # fmt: skip
 """What a row says of its run; `attempts`: which one it is, and what became of those before."""
-
-METRIC_COLUMNS = ("metric", "choices", "branch", "side", "unit")
-"""What tells a column of values from the others."""
 
 
 class MetricColumn(NamedTuple):
@@ -73,12 +71,13 @@ def run_table(view: View, wanted: Wanted) -> list[RunTableRow]:
         for name, text in told.items():
             found[name].attempts = text
         together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
-        of_metrics = [METRICS.c[name] for name in ("run", *METRIC_COLUMNS, *Value._fields)]
+        of_metrics = [METRICS.c[name] for name in ("run", "meaning", "side", *Value._fields)]
         asked = meant(select(*of_metrics).select_from(RUNS).join(METRICS, together), view.chain, wanted)
-        for name, *rest in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
+        meanings = meanings_of(connection, view.chain.id)
+        for name, meaning, side, *rest in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
             if name in found:
-                column = MetricColumn(*(text or "" for text in rest[: len(METRIC_COLUMNS)]))
-                value = Value(*rest[len(METRIC_COLUMNS) :])
+                of, value = meanings[meaning], Value(*rest)
+                column = MetricColumn(of.metric, of.choices, of.branch, side, of.unit)
                 found[name].values[column] = value._replace(verdict=None) if found[name].run.altered else value
     return list(found.values())
 

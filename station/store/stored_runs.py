@@ -21,6 +21,7 @@ class StoredRun(NamedTuple):
 
     master: of a master part, the verdict that it should have; '' for a product. altered: a line for each alteration.
     in_production: of a product, and of no guided study; False for altered runs too.
+    lock_angle_deg: of the locked shaft.
     """
 
     run: str
@@ -46,6 +47,8 @@ class StoredRun(NamedTuple):
     seen: str
     seen_files: str
     in_production: bool = True
+    fixture: str = ""
+    lock_angle_deg: float | None = None
 
 
 MOST_NAMED = 500

@@ -128,6 +128,8 @@ RUNS = _of_a_chain(
     Column("hour", Text, nullable=False, server_default=""),
     Index("runs_hour", "chain", "hour"),
     Column("again", Boolean, nullable=False, server_default=false()),
+    Column("fixture", Text, nullable=False, server_default=""),
+    Column("lock_angle_deg", Double),
     Index(
         "runs_again",
         "chain",
@@ -146,6 +148,8 @@ RUNS = _of_a_chain(
         "operator",
         "started",
         "hour",
+        "fixture",
+        "lock_angle_deg",
         sqlite_where=OF_AGAIN,
         postgresql_where=OF_AGAIN,
     ),
@@ -172,6 +176,8 @@ RUNS = _of_a_chain(
         "operator",
         "started",
         "hour",
+        "fixture",
+        "lock_angle_deg",
     ),
     **BY_MONTH,
 )
@@ -182,10 +188,25 @@ RUNS = _of_a_chain(
 `in_production`: unaltered, of a product, without injected faults, of no guided study. `valid`: unaltered, complete, its
 measurement valid.
 `hour`: of its start, in UTC, as in 2026-01-31T06. `again`: its unit was measured more than once; see `plant.retests`.
+`fixture`: its name in the bench file, '' where that gives none. `lock_angle_deg`: of the locked shaft when the lock had
+closed, from 0 to 360; none where the record says none.
 
 `seen`, `seen_files`: size, times and inode of the files that were compared. `runs_quality` holds all that statistics of
 a production ask of a run. The index `runs_search` holds all that runs
 are looked for by, so that a search and its count read none of the rows that are not shown.
+"""
+
+MEANINGS = _of_a_chain(
+    "meanings",
+    _key("meaning", BigInteger),
+    *(
+        Column(name, Text, nullable=False)
+        for name in ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit")
+    ),
+)
+"""What metrics mean, by a number that is made of the texts: all that must be the same for values to be of one kind.
+
+`band` and `torque_nm` are JSON as text: a number or two. `choices` is the words of the choices.
 """
 
 METRICS = _of_a_chain(
@@ -194,14 +215,7 @@ METRICS = _of_a_chain(
     _key("position", Integer),
     _key("side"),
     Column("main", Boolean, nullable=False),
-    Column("metric", Text, nullable=False),
-    Column("definition", Text),
-    Column("unit", Text),
-    Column("branch", Text),
-    Column("estimator", Text),
-    Column("band", Text),
-    Column("torque_nm", Text),
-    Column("choices", Text, nullable=False),
+    Column("meaning", BigInteger, nullable=False),
     Column("cycles", Integer),
     Column("value", Double),
     Column("uncertainty", Double),
@@ -209,13 +223,10 @@ METRICS = _of_a_chain(
     Column("limit_min", Double),
     Column("limit_max", Double),
     Column("verdict", Text),
-    Index("metrics_metric", "chain", "metric", "run", "side", "main", "position", "value"),
+    Index("metrics_meaning", "chain", "meaning", "run", "side", "main", "position", "value"),
     **BY_MONTH,
 )
-"""Every side of every metric, with its limits and expanded uncertainty; `main` is the side that the verdict goes by.
-
-`band` and `torque_nm` are JSON as text: a number or two. `choices` is the words of the choices.
-"""
+"""Every side of every metric, with its limits and expanded uncertainty; `main` is the side that the verdict goes by."""
 
 CHECKS = _of_a_chain(
     "checks",
@@ -286,7 +297,7 @@ RUN_HOURS = _of_a_chain(
     "run_hours",
     *(_key(name) for name in ("hour", "bench", "recipe")),
     _key("revision", Integer),
-    *(_key(name) for name in ("model", "operator", "key", "state", "verdict", "master")),
+    *(_key(name) for name in ("model", "operator", "key", "fixture", "state", "verdict", "master")),
     *(_key(name, Boolean) for name in ("virtual", "in_production", "valid", "first")),
     Column("runs", Integer, nullable=False),
 )
@@ -297,11 +308,11 @@ RUN_HOURS = _of_a_chain(
 
 METRIC_HOURS = _of_a_chain(
     "metric_hours",
-    *(_key(name) for name in ("metric", "hour", "bench", "recipe")),
+    _key("meaning", BigInteger),
+    *(_key(name) for name in ("side", "hour", "bench", "recipe")),
     _key("revision", Integer),
-    *(_key(name) for name in ("model", "operator", "key")),
+    *(_key(name) for name in ("model", "operator", "key", "fixture")),
     _key("virtual", Boolean),
-    *(_key(name) for name in ("choices", "branch", "definition", "estimator", "band", "torque_nm", "unit", "side")),
     Column("number", Integer, nullable=False),
     Column("mean", Double, nullable=False),
     Column("squares", Double, nullable=False),

@@ -19,6 +19,7 @@ from pathlib import Path
 
 from sqlalchemy import Connection, select
 
+from station.atomic_file import seen_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.problems import Problem
@@ -30,7 +31,7 @@ from station.store.engine import IN_MEMORY, Database, StoreError
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals
-from station.store.projection import seen, seen_files
+from station.store.projection import seen_files
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 
 EVERY_FILE_OF = 200
@@ -179,9 +180,10 @@ def _folders(data: Path) -> dict[str, str]:
     handle = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
     try:
         for name in sorted(os.listdir(handle)):  # noqa: PTH208 - as in `seen`
-            stat = seen(f"{name}/{MANIFEST}", handle)
-            if stat:
-                found[name] = stat
+            try:  # what `seen` does, without a call for each of twenty thousand
+                found[name] = seen_text(os.stat(f"{name}/{MANIFEST}", dir_fd=handle))
+            except OSError:
+                continue
     finally:
         os.close(handle)
     return found
@@ -193,7 +195,7 @@ def _stored(connection: Connection, chain: Chain) -> tuple[dict[str, str | None]
     None where a run was not concluded. Oldest first.
     """
     begun = select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id).order_by(ATTEMPTS.c.run)
-    concluded = select(RUNS.c.run, RUNS.c.seen, RUNS.c.altered).where(RUNS.c.chain == chain.id)
+    concluded = select(RUNS.c.run, RUNS.c.seen, RUNS.c.altered).where(RUNS.c.chain == chain.id).order_by(RUNS.c.run)
     rows = connection.execute(concluded).all()
     was = {run: seen_then for run, seen_then, _ in rows}
     stored = {run: was.get(run) for run in connection.execute(begun).scalars().all()}

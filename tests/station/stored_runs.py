@@ -48,15 +48,18 @@ def store_run(
     master: str | None = None,
     text: bytes = b"r\n",
     study: StudyPlace | None = None,
+    fixture: str | None = None,
+    lock_angle_deg: float | None = None,
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names. master: verdict that the unit, a master part, should have.
-    text: of its recipe. study: step of a guided study that it measures.
+    text: of its recipe. study: step of a guided study that it measures. fixture: its name in the bench file.
     """
     setup = replace(
         SETUP,
+        bench=replace(SETUP.bench, fixture=fixture),
         unit=Unit(model="RV", virtual=virtual, master=master),
         recipe=RecipeSource(name=recipe, revision=revision, sha256=""),
         operator=operator,
@@ -80,6 +83,7 @@ def store_run(
         "clock": "real",
     }
     result |= {} if scenario is None else {"scenario": scenario}
+    result |= {} if lock_angle_deg is None else {"lock_angle_deg": lock_angle_deg}
     result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}
     run.write_json("result.json", result)
     if calibration is not None:

@@ -85,7 +85,7 @@ def capability(
     from station.cli.line import line_statistics as line
     from station.cli.line.stored_metric import asked_of
 
-    asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe, attempts=attempts))
+    asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe, attempts=attempts, said=()))
     raise typer.Exit(line.capability_of(asked, (lower, upper), subgroup, level, as_json=as_json))
 
 
@@ -104,7 +104,7 @@ def units(
     from station.cli.line import line_statistics as line
     from station.cli.line.stored_metric import asked_of
 
-    asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe))
+    asked = line.Asked(file, column, data, asked_of(metric, side, branch, recipe, said=()))
     raise typer.Exit(line.units_of(asked, level, as_json=as_json))
 
 

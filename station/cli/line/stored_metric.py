@@ -10,8 +10,9 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from station.errors import StationError
-from station.store.metric_rows import MetricRow, Place, RunThatDoesNotCount
+from station.store.metric_rows import SAID, MetricRow, Place, RunThatDoesNotCount
 from station.store.plant.hours import COMPLETE
+from station.store.plant.meanings import Meaning
 from station.store.stored_runs import is_trusted
 from station.store.view import View
 
@@ -31,7 +32,8 @@ class Ask:
     """Which values are meant: metric, and what tells it from others of its id; None takes what there is.
 
     metric: an id, followed by what was chosen otherwise than its definition does: `spring_constant three_region`.
-    studies: whether the runs of guided studies count; they do in a gage study.
+    studies: whether the runs of guided studies count; they do in a gage study. said: what else is read of a run, of
+    SAID; what of it is not read cannot be asked of a value.
     """
 
     metric: str
@@ -41,6 +43,7 @@ class Ask:
     serial: str | None = None
     attempts: str = "all"
     studies: bool = False
+    said: tuple[str, ...] = SAID
 
 
 def asked_of(
@@ -51,9 +54,10 @@ def asked_of(
     serial: str | None = None,
     *,
     attempts: str = "all",
+    said: tuple[str, ...] = SAID,
 ) -> Ask | None:
     """Return what a command line asks of the stored runs; None without a metric: a file is meant."""
-    return None if metric is None else Ask(metric, side, branch, recipe, serial, attempts)
+    return None if metric is None else Ask(metric, side, branch, recipe, serial, attempts, said=said)
 
 
 class StoredValue(NamedTuple):
@@ -78,17 +82,23 @@ class StoredValue(NamedTuple):
     @property
     def started(self) -> datetime:
         """When the run was started."""
-        return datetime.fromisoformat(self.metric.started)
+        return datetime.fromisoformat(_said(self.metric.started))
 
     @property
     def bench(self) -> str:
         """Name of the bench."""
-        return self.metric.bench
+        return _said(self.metric.bench)
 
     @property
     def operator(self) -> str:
         """Who ran it; '' where the run names nobody."""
         return self.metric.operator or ""
+
+
+def _said(text: str | None) -> str:
+    if text is None:
+        raise TypeError("Ask.said does not name what is asked of a value")
+    return text
 
 
 def kinds_of(metrics: Iterable[MetricRow]) -> Counter[Kind]:
@@ -97,18 +107,19 @@ def kinds_of(metrics: Iterable[MetricRow]) -> Counter[Kind]:
     return Counter({Kind._make(kind): count for kind, count in counts.items()})
 
 
-def read_metric(rows: list[MetricRow], ask: Ask) -> MetricRow | str:
+def read_metric(rows: list[MetricRow], meanings: Mapping[int, Meaning], ask: Ask) -> MetricRow | str:
     """Return the metric of a run that is asked for, whatever the side, or why the run is left out, in words.
 
     Args:
         rows: of the run and the metric that is asked for.
+        meanings: what they mean, by number.
         ask: which value is meant.
 
     Raises:
         StationError: the metric stands in the run more than once.
 
     """
-    return _metric(rows, ask) or f"without {ask.metric}"
+    return _metric(rows, meanings, ask) or f"without {ask.metric}"
 
 
 def value_of(metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) -> StoredValue | str:
@@ -140,21 +151,22 @@ def why_left_out(view: View, run: RunThatDoesNotCount) -> str:
     return "of a master part" if run.master else "of a guided study"
 
 
-def _metric(rows: list[MetricRow], ask: Ask) -> MetricRow | None:
+def _metric(rows: list[MetricRow], meanings: Mapping[int, Meaning], ask: Ask) -> MetricRow | None:
     """Return the metric that is asked for; of several with its id, the one with no other choices."""
     if len(rows) == 1 and ask.branch is None and " " not in ask.metric:
         return rows[0] if rows[0].position is not None else None
     name, *words = ask.metric.split() or [""]
-    wanted = [row for row in rows if row.position is not None and ask.branch in (None, row.branch)]
+    there = [(row, meanings[row.meaning]) for row in rows if row.position is not None]
+    wanted = [(row, of) for row, of in there if ask.branch in (None, of.branch)]
     if len(wanted) == 1 and not words:
-        return wanted[0]
-    found = [row for row in wanted if set(words) <= set(row.choices.split())]
-    exact = [row for row in found if set(words) == set(row.choices.split())]
+        return wanted[0][0]
+    found = [(row, of) for row, of in wanted if set(words) <= set(of.choices.split())]
+    exact = [(row, of) for row, of in found if set(words) == set(of.choices.split())]
     if len(found) > 1 and len(exact) != 1:
-        there = ", ".join(" ".join(f"{name} {row.choices} ({row.branch})".split()) for row in found)
+        named = ", ".join(" ".join(f"{name} {of.choices} ({of.branch})".split()) for _, of in found)
         raise StationError(
-            f"--metric: run {rows[0].run} has {len(found)} values of {ask.metric}: {there}. Choose one with --branch, "
+            f"--metric: run {rows[0].run} has {len(found)} values of {ask.metric}: {named}. Choose one with --branch, "
             "or name its options behind the metric, in quotes"
         )
     chosen = exact or found
-    return chosen[0] if chosen else None
+    return chosen[0][0] if chosen else None

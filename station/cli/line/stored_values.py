@@ -6,9 +6,8 @@ from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from operator import attrgetter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from analysis.metrics.former_wordings import wording_of_today
 from station.cli.line.stored_metric import (
@@ -24,7 +23,16 @@ from station.cli.line.stored_metric import (
 from station.documents.result import Limits
 from station.errors import RecordError, StationError
 from station.records.run_record import RunRecord
-from station.store.metric_rows import MetricRow, Place, metric_rows, runs_that_do_not_count, sides_of, values_beside
+from station.store.metric_rows import (
+    MetricRow,
+    Place,
+    limits_of,
+    metric_rows,
+    runs_that_do_not_count,
+    sides_of,
+    values_beside,
+)
+from station.store.plant.meanings import Meaning
 from station.store.view import View, look_at
 
 ATTEMPTS = ("first", "last", "all")
@@ -143,18 +151,25 @@ def _collected(
 ) -> tuple[StoredValues, ...]:
     """Return the values of each side; the runs and what they have of the metric are read once for all of them."""
     metrics, left_out = _read(view, ask, only)
-    beside = values_beside(view, _name(ask), [side for side in sides if side is not None])
+    runs = [one.run for one in metrics.rows]
+    beside = values_beside(view, metrics.meanings, [side for side in sides if side is not None], runs)
     return tuple(
-        _of_side(view.data, replace(ask, side=side), metrics, beside.get(side or "", {}), left_out.copy())
-        for side in sides
+        _of_side(view, replace(ask, side=side), metrics, beside.get(side or "", {}), left_out.copy()) for side in sides
     )
 
 
+class _Metrics(NamedTuple):
+    """The metric in every run that counts, oldest first, and what is meant by it, by number."""
+
+    rows: list[MetricRow]
+    meanings: Mapping[int, Meaning]
+
+
 def _of_side(
-    data: Path, ask: Ask, metrics: list[MetricRow], beside: Mapping[Place, float | None], left_out: Counter[str]
+    view: View, ask: Ask, metrics: _Metrics, beside: Mapping[Place, float | None], left_out: Counter[str]
 ) -> StoredValues:
     rows: list[StoredValue] = []
-    for one in metrics:
+    for one in metrics.rows:
         found = value_of(one, ask, beside)
         if isinstance(found, str):
             left_out[found] += 1
@@ -164,30 +179,33 @@ def _of_side(
     if not rows:
         what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "no runs"
         raise StationError(
-            f"folder {data}: no run has a usable value of {ask.metric}; found {what}. See 'lostmotion list' for all "
-            "runs"
+            f"folder {view.data}: no run has a usable value of {ask.metric}; found {what}. See 'lostmotion list' for "
+            "all runs"
         )
-    metric = _same(rows, _name(ask))
+    metric = rows[-1].metric
+    meaning = _same(rows, metrics.meanings, _name(ask))
     pooled = kinds_of(row.metric for row in rows)
     if ask.recipe is None:
         _check_one_kind(ask.metric, pooled)
     side = ask.side or metric.side
     name = ask.metric if side == "both" else f"{ask.metric} side {side.replace('-', '−')}"
-    limits = Limits(min=metric.limit_min, max=metric.limit_max)
-    return StoredValues(data, ask, metric.unit, name, metric.definition, limits, rows, left_out, pooled)
+    lower, upper = limits_of(view, metric)
+    limits = Limits(min=lower, max=upper)
+    return StoredValues(view.data, ask, meaning.unit, name, meaning.definition, limits, rows, left_out, pooled)
 
 
-def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[MetricRow], Counter[str]]:
+def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[_Metrics, Counter[str]]:
     """Return the metric in every run that counts, oldest first, and why the other runs do not count."""
     left_out: Counter[str] = Counter()
     metrics: list[MetricRow] = []
     missing = set(view.missing)
     studies = ask.studies or only is not None  # a run that is named is meant
-    for rows in metric_rows(view, _name(ask), ask.recipe, ask.serial, studies=studies):
+    there = metric_rows(view, _name(ask), ask.recipe, ask.serial, ask.said, studies=studies)
+    for rows in there.runs:
         run = rows[0].run
         if only is not None and run not in only:
             continue
-        found = MISSING if run in missing else read_metric(rows, ask)
+        found = MISSING if run in missing else read_metric(rows, there.meanings, ask)
         if isinstance(found, str):
             left_out[found] += 1
         else:
@@ -200,7 +218,7 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[list[Metr
         if reason:
             left_out[reason] += 1
     left_out["altered"] += sum(problem.kind in ELSEWHERE for problem in view.problems)
-    return metrics, +left_out
+    return _Metrics(metrics, there.meanings), +left_out
 
 
 def _why_open(run: RunRecord, ask: Ask) -> str:
@@ -254,26 +272,31 @@ def _attempts(rows: list[StoredValue], which: str, left_out: Counter[str]) -> li
     return found if which == "first" else found[::-1]
 
 
-def _same(rows: list[StoredValue], name: str) -> MetricRow:
-    """Return the metric of the newest run; StationError when another run means something else by it."""
-    metric = rows[-1].metric
-    of = attrgetter(*SAME)
-    meaning = of(metric)
-    for other, _ in rows:
-        if of(other) != meaning and (differs := _differs(other, metric)):
-            raise StationError(
-                f"runs {other.run} and {metric.run} define {name} differently: option {differs[0]} is "
-                f"{_shown(other, differs[0])} in one and {_shown(metric, differs[0])} in the other. Choose runs of one "
-                "recipe with --recipe"
-            )
-    return metric
+def _same(rows: list[StoredValue], meanings: Mapping[int, Meaning], name: str) -> Meaning:
+    """Return what the newest run means by the metric; StationError when another run means something else by it."""
+    newest = rows[-1].metric
+    meaning = meanings[newest.meaning]
+    differ = {
+        number: differs
+        for number in {row.metric.meaning for row in rows}
+        if (differs := _differs(meanings[number], meaning))
+    }
+    other = next((row.metric for row in rows if row.metric.meaning in differ), None) if differ else None
+    if other is not None:
+        what = differ[other.meaning][0]
+        raise StationError(
+            f"runs {other.run} and {newest.run} define {name} differently: option {what} is "
+            f"{_shown(meanings[other.meaning], what)} in one and {_shown(meaning, what)} in the other. Choose runs of "
+            "one recipe with --recipe"
+        )
+    return meaning
 
 
-def _differs(one: MetricRow, other: MetricRow) -> list[str]:
-    """Return what two rows do not mean alike, in whatever words it is said."""
+def _differs(one: Meaning, other: Meaning) -> list[str]:
+    """Return what two metrics do not mean alike, in whatever words it is said."""
     return [key for key in SAME if wording_of_today(getattr(one, key)) != wording_of_today(getattr(other, key))]
 
 
-def _shown(metric: MetricRow, field: str) -> str:
-    value = getattr(metric, field)
+def _shown(meaning: Meaning, field: str) -> str:
+    value = getattr(meaning, field)
     return str(value) if field in ("band", "torque_nm") else repr(value)

@@ -165,7 +165,11 @@ def trend(
     metric: WantedMetric,
     by: Annotated[
         str,
-        typer.Option("--by", metavar="WHAT", help="Group by bench, operator, revision, model, shift, day or month."),
+        typer.Option(
+            "--by",
+            metavar="WHAT",
+            help="Group by bench, fixture, lock-angle, operator, revision, model, shift, day or month.",
+        ),
     ] = "bench",
     side: SideOption = None,
     branch: BranchOption = None,
@@ -179,7 +183,7 @@ def trend(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """A metric by groups of runs: which bench, shift, operator or day differs from the others."""
+    """A metric by groups of runs: which bench, fixture, lock angle, shift, operator or day differs from the others."""
     from station.cli.quality import quality
 
     lot = lot_of(recipe, model, bench, since, until, virtual)

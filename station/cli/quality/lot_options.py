@@ -33,7 +33,9 @@ WantedMetric = Annotated[str, typer.Option("--metric", metavar="ID", help="Metri
 ByOption = Annotated[
     str | None,
     typer.Option(
-        "--by", metavar="WHAT", help="Group by bench, operator, recipe, revision, model, shift, day or month."
+        "--by",
+        metavar="WHAT",
+        help="Group by bench, fixture, lock-angle, operator, recipe, revision, model, shift, day or month.",
     ),
 ]
 NEWEST = 2000

@@ -29,9 +29,10 @@ from station.quality.dfq.fields import (
     VALID,
 )
 from station.store.plant.hours import COMPLETE
+from station.store.plant.meanings import Meaning, meaning_of_metrics
 from station.store.quality.lot import Lot, Production
-from station.store.quality.values import MEANING, Characteristic, characteristics, metrics_of_run
-from station.store.tables import METRICS, RUNS
+from station.store.quality.values import Characteristic, characteristics, metrics_of_run
+from station.store.tables import MEANINGS, METRICS, RUNS
 
 COLUMNS = (
     "run", "serial", "started", "attempt", "verdict", "objection", "state", "model", "recipe", "revision", "bench",
@@ -115,15 +116,13 @@ def dfq_of_runs(production: Production, group: Alike, program: str) -> Written:
 
 
 def _file(production: Production, runs: Sequence[str], there: Sequence[Characteristic], program: str) -> Written:
-    places = {(*_key(one), side): None for one in there for side in one.sides}
+    places = {(*one.meaning, side): None for one in there for side in one.sides}
     numbers = {key: number for number, key in enumerate(places)}
     rows = _rows(production, runs)
     lines, left_out = [], 0
     for _, group in groupby(rows, key=lambda row: row.run):
         of_run = list(group)
-        cells = {
-            (*(wording_of_today(getattr(row, name) or "") for name in MEANING), row.side): row for row in of_run
-        }  # fmt: skip
+        cells = {(*(wording_of_today(getattr(row, name)) for name in Meaning._fields), row.side): row for row in of_run}
         if not any(key in cells for key in numbers):
             left_out += 1
             continue
@@ -136,7 +135,7 @@ def _file(production: Production, runs: Sequence[str], there: Sequence[Character
     head = _head(rows[-1], len(numbers), program)
     for one in there:
         for side in one.sides:
-            head += _characteristic(one, side, numbers[(*_key(one), side)] + 1)
+            head += _characteristic(one, side, numbers[(*one.meaning, side)] + 1)
     text = END_OF_LINE.join([*head, *lines]) + END_OF_LINE
     try:
         content = text.encode(ENCODING)
@@ -153,20 +152,18 @@ def _near(text: str, place: int) -> str:
     return text[text.rfind("\n", 0, place) + 1 : place][:30].strip() + " …"
 
 
-def _key(one: Characteristic) -> tuple[str, ...]:
-    return tuple(getattr(one, name) for name in MEANING)
-
-
 def _rows(production: Production, runs: Sequence[str]) -> list[Row[Any]]:
     """Return every side of every metric of the runs, run by run."""
     of_runs = select(RUNS).where(RUNS.c.chain == production.chain.id)
     of_runs = of_runs.where(RUNS.c.run >= runs[0], RUNS.c.run <= runs[-1]) if runs else of_runs.where(RUNS.c.run == "")
     table = of_runs.subquery()
     columns = [table.c[name] for name in COLUMNS]
-    columns += [METRICS.c[name] for name in (*MEANING, "side", "value")]
+    columns += [MEANINGS.c[name] for name in Meaning._fields]
+    columns += [METRICS.c.side, METRICS.c.value]
     columns += [METRICS.c.verdict.label("judged")]
     together = (METRICS.c.chain == table.c.chain) & (METRICS.c.run == table.c.run)
-    asked = select(*columns).select_from(table).join(METRICS, together).order_by(table.c.run, METRICS.c.position)
+    asked = select(*columns).select_from(table).join(METRICS, together).join(MEANINGS, meaning_of_metrics())
+    asked = asked.order_by(table.c.run, METRICS.c.position)
     wanted = set(runs)
     return [row for row in production.connection.execute(asked) if row.run in wanted]
 

@@ -16,6 +16,7 @@ from typing import Any
 from sqlalchemy import (
     ColumnElement,
     Connection,
+    FromClause,
     Select,
     Table,
     case,
@@ -27,7 +28,8 @@ from sqlalchemy import (
     select,
 )
 
-from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, METRIC_HOURS, METRICS, RUN_HOURS, RUNS
+from station.store.plant.meanings import meaning_of_metrics
+from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, MEANINGS, METRIC_HOURS, METRICS, RUN_HOURS, RUNS
 
 HOUR_DIGITS = len("2026-01-31T06")
 FIRST_ATTEMPT = 1
@@ -49,7 +51,7 @@ NO_REVISION = -1
 OF_RUNS = ("hour", "bench", "recipe", "revision", "model", "operator", "key")
 """What is known of the runs in both tables."""
 
-OF_METRICS = ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit", "side")
+OF_METRICS = ("meaning", "side")
 """What tells values from others."""
 
 
@@ -112,8 +114,9 @@ def _count_runs(connection: Connection, chain: str, hours: list[str]) -> None:
 
 
 def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None:
-    of_runs = [_known(name) for name in (*OF_RUNS, "virtual")]
-    of_metrics = [func.coalesce(METRICS.c[name], "") for name in OF_METRICS]
+    known = (*OF_RUNS, "fixture", "virtual")
+    of_runs = [_known(name) for name in known]
+    of_metrics = [METRICS.c[name] for name in OF_METRICS]
     failed = case(((RUNS.c.verdict == FAIL) & (METRICS.c.verdict == FAIL), 1), else_=0)
     value = case((RUNS.c.valid, METRICS.c.value), else_=None)
     together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
@@ -126,7 +129,7 @@ def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None
         fails.append(bad)
         if one is not None:
             values.append(one)
-    names = (*OF_RUNS, "virtual", *OF_METRICS)
+    names = (*known, *OF_METRICS)
     rows = [
         {"chain": chain} | dict(zip(names, key, strict=True)) | _sums(values) | {"failed": sum(fails)}
         for key, (values, fails) in groups.items()
@@ -148,11 +151,13 @@ def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
         (ALARM, func.coalesce(ALARMS.c.id, "None"), ALARMS, runs, here),
         (CHECK, CHECKS.c.id, CHECKS, func.count(), ended & failed),
         (UNNAMED, literal_column("''"), None, func.count(), ended & (RUNS.c.objection != "") & ~named),
-        (NEAR, METRICS.c.metric, METRICS, func.count(), no_verdict & RUNS.c.valid & near),
+        (NEAR, MEANINGS.c.metric, METRICS, func.count(), no_verdict & RUNS.c.valid & near),
     ):
         dims = [_known(one).label(one) for one in (*OF_RUNS, "virtual")]
         asked = select(RUNS.c.chain, literal_column(f"'{kind}'"), *dims, name, number)
-        asked = asked.select_from(RUNS if table is None else RUNS.join(table, _of_the_run(table))).where(condition)
+        rows: FromClause = RUNS if table is None else RUNS.join(table, _of_the_run(table))
+        rows = rows.join(MEANINGS, meaning_of_metrics()) if table is METRICS else rows
+        asked = asked.select_from(rows).where(condition)
         places = (1, *range(3, 3 + len(dims)), *(() if table is None else (3 + len(dims),)))
         counted = asked.group_by(*(literal_column(str(place)) for place in places))
         names = ["chain", "kind", *OF_RUNS, "virtual", "name", "runs"]

@@ -19,11 +19,12 @@ ROWS = {
     "run_hours": MANY // 10,
     "cause_hours": MANY // 10,
     "runs_again": MANY // 10,
+    "meanings": 100,
 }
 """Rows of tables and of indexes of a part of one; of the others `MANY`."""
 
 DIFFERENT = {
-    "chain": 1, "run": MANY, "serial": MANY * 9 // 10, "hour": 20_000, "metric": 10, "recipe": 5, "model": 5,
+    "chain": 1, "run": MANY, "serial": MANY * 9 // 10, "hour": 20_000, "meaning": 10, "recipe": 5, "model": 5,
     "operator": 5, "started": MANY, "in_production": 1, "virtual": 1,
 }  # fmt: skip
 """How many different values a column has; the others two."""

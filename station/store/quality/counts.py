@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 from datetime import datetime
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, case, func, select
+from sqlalchemy import ColumnElement, Integer, Select, case, func, literal_column, null, select
 
 from station.errors import StationError
 from station.store.plant.hours import (
@@ -22,8 +22,9 @@ from station.store.plant.hours import (
     UNNAMED,
     whole_hours,
 )
+from station.store.plant.meanings import meaning_of_metrics, meanings_of
 from station.store.quality.lot import Columns, Lot, Production
-from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, METRIC_HOURS, METRICS, OF_AGAIN, RUNS
+from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, MEANINGS, METRIC_HOURS, METRICS, OF_AGAIN, RUNS
 
 SHIFT_HOURS = 8
 SHIFTS_BEGIN = 6
@@ -55,13 +56,15 @@ def _local(hour: str) -> datetime:
 class Grouping(NamedTuple):
     """How runs are put together: by which column of a table of runs, and how what is in it is called.
 
-    Times are grouped by the hour first, and the hours by the computer's clock.
+    Times are grouped by the hour first, and the hours by the computer's clock. of_hours: whether the tables by the hour
+    have it; else the runs themselves are asked.
     """
 
     of: str
     column: Callable[[Any], ColumnElement[Any]]
     name: Callable[[Any], str]
     text: str
+    of_hours: bool = True
 
 
 def _hour(runs: Any) -> ColumnElement[Any]:
@@ -69,8 +72,25 @@ def _hour(runs: Any) -> ColumnElement[Any]:
     return column
 
 
+SECTOR_DEG = 30
+"""Lock angles are put together in sectors of the locked shaft's turn."""
+
+
+def _sector(runs: Any) -> ColumnElement[Any]:
+    angle, ends = runs.c.lock_angle_deg, range(SECTOR_DEG, 360 + SECTOR_DEG, SECTOR_DEG)
+    # Without parameters: a database does not see that two expressions with parameters are the same one.
+    begins = [(angle < literal_column(str(end)), literal_column(str(end - SECTOR_DEG), Integer)) for end in ends]
+    found: ColumnElement[Any] = case(*begins, else_=null())
+    return found
+
+
+def _sector_name(begin: int | None) -> str:
+    return "–" if begin is None else f"{begin:03}° to {begin + SECTOR_DEG:03}°"
+
+
 GROUPINGS: dict[str, Grouping] = {
     "bench": Grouping("bench", lambda runs: runs.c.bench, _as_it_is, "bench"),
+    "fixture": Grouping("fixture", lambda runs: runs.c.fixture, _as_it_is, "fixture"),
     "operator": Grouping("operator", lambda runs: runs.c.operator, _as_it_is, "operator"),
     "recipe": Grouping("recipe", lambda runs: runs.c.recipe, _as_it_is, "recipe"),
     "revision": Grouping("revision", lambda runs: runs.c.revision, _as_it_is, "revision of the recipe"),
@@ -78,6 +98,7 @@ GROUPINGS: dict[str, Grouping] = {
     "shift": Grouping("hour", _hour, _shift, "shift of eight hours from 06:00"),
     "day": Grouping("hour", _hour, _day, "day"),
     "month": Grouping("hour", _hour, _month, "month"),
+    "lock-angle": Grouping("lock_angle_deg", _sector, _sector_name, "lock angle in sectors of 30°", of_hours=False),
 }
 """What runs can be grouped by."""
 
@@ -150,7 +171,9 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
         total[0] += first
         total[1] += final
 
-    for value, state, verdict, number in production.connection.execute(production.counted(counted, lot)):
+    for value, state, verdict, number in production.connection.execute(
+        production.counted(counted, lot, by_hours=group is None or group.of_hours)
+    ):
         add(value, state, verdict, number, number)
     for value, state, verdict, number in production.connection.execute(_as_they_left(production, lot, counted)):
         add(value, state, verdict, 0, number)
@@ -201,16 +224,21 @@ class FailedMetric(NamedTuple):
 def failures(production: Production, lot: Lot) -> Counter[FailedMetric]:
     """Return how many first attempts failed by each metric and side; a run that fails by several counts for each."""
     if whole_hours(lot.since, lot.until):
-        by = [METRIC_HOURS.c[name] for name in FailedMetric._fields]
-        number = func.sum(METRIC_HOURS.c.failed)
-        asked = production.of_hours(select(*by, number).select_from(METRIC_HOURS), METRIC_HOURS, lot)
-        rows = production.connection.execute(asked.where(METRIC_HOURS.c.failed > 0).group_by(*by))
-        return Counter({FailedMetric(*row[:-1]): int(row[-1]) for row in rows})
-    runs = production.chosen(lot, RUNS.c.verdict == FAIL, said=())
-    columns = [METRICS.c[name] for name in FailedMetric._fields]
-    asked = select(*columns, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
-    rows = production.connection.execute(asked.where(METRICS.c.verdict == FAIL).group_by(*columns))
-    return Counter({FailedMetric(*(text or "" for text in row[:-1])): row[-1] for row in rows})
+        there = METRIC_HOURS.c
+        asked = select(there.meaning, there.side, func.sum(there.failed)).select_from(METRIC_HOURS)
+        asked = production.of_hours(asked, METRIC_HOURS, lot).where(there.failed > 0)
+        asked = asked.group_by(there.meaning, there.side)
+    else:
+        runs = production.chosen(lot, RUNS.c.verdict == FAIL, said=())
+        asked = select(METRICS.c.meaning, METRICS.c.side, func.count())
+        asked = asked.select_from(runs).join(METRICS, _together(runs, METRICS))
+        asked = asked.where(METRICS.c.verdict == FAIL).group_by(METRICS.c.meaning, METRICS.c.side)
+    meanings = meanings_of(production.connection, production.chain.id)
+    found: Counter[FailedMetric] = Counter()
+    for meaning, side, number in production.connection.execute(asked):
+        of = meanings[meaning]
+        found[FailedMetric(of.metric, of.choices, of.branch, side)] += int(number)
+    return found
 
 
 def alarms(production: Production, lot: Lot) -> Counter[str]:
@@ -244,9 +272,9 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     unnamed = unnamed.where(~named.where(CHECKS.c.passed.is_(False)).exists())
     found += Counter({"measurement invalid": int(production.connection.execute(unnamed).scalar_one())})
     runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.valid, said=())
-    metrics = select(METRICS.c.metric, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
-    metrics = metrics.where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)
-    near = _pairs(production, metrics, METRICS.c.metric)
+    metrics = select(MEANINGS.c.metric, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
+    metrics = metrics.join(MEANINGS, meaning_of_metrics()).where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)
+    near = _pairs(production, metrics, MEANINGS.c.metric)
     return found + Counter({f"{name} too near its limit": number for name, number in near})
 
 

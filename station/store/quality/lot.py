@@ -84,12 +84,15 @@ class Production:
                 asked = asked.where(table.c[name] == value)
         return between_hours(asked, table, lot.since, lot.until)
 
-    def counted(self, columns: Columns, lot: Lot, *, attempts: Sequence[int] | None = (FIRST_ATTEMPT,)) -> Select[Any]:
+    def counted(
+        self, columns: Columns, lot: Lot, *, attempts: Sequence[int] | None = (FIRST_ATTEMPT,), by_hours: bool = True
+    ) -> Select[Any]:
         """Return a statement for the number of runs of a lot by columns of a run, which stand before it in a row.
 
-        columns: a function of the table that has them. attempts: the first, or None for all.
+        columns: a function of the table that has them. attempts: the first, or None for all. by_hours: whether the
+        hours have these columns.
         """
-        if not whole_hours(lot.since, lot.until):
+        if not (by_hours and whole_hours(lot.since, lot.until)):
             by = columns(RUNS)
             return self.of(select(*by, func.count()).select_from(RUNS), lot, attempts=attempts).group_by(*by)
         by = columns(RUN_HOURS)

@@ -10,8 +10,9 @@ from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, and_, case, func, literal, null, or_, select
 
+from station.store.plant.meanings import numbers_of
 from station.store.quality.lot import Lot, Production
-from station.store.quality.values import MEANING, Characteristic, means, metrics_from
+from station.store.quality.values import Characteristic, metrics_from
 from station.store.tables import METRICS, RUNS
 
 RANKS = {"PASS": 0, "NOT DECIDABLE": 1, "FAIL": 2}
@@ -95,7 +96,7 @@ def tried_sides(production: Production, what: Characteristic, runs: Sequence[str
         return found
     asked = select(METRICS.c.run, METRICS.c.side, METRICS.c.value, METRICS.c.uncertainty)
     asked = asked.where(metrics_from(production, min(found)), METRICS.c.run <= max(found))
-    asked = asked.where(*(means(name, func.coalesce(METRICS.c[name], ""), getattr(what, name)) for name in MEANING))
+    asked = asked.where(METRICS.c.meaning.in_(numbers_of(what.meaning)))
     for run, *side in production.connection.execute(asked.order_by(METRICS.c.run, METRICS.c.side)):
         if run in found:
             found[run].append(TriedSide(*side))
@@ -105,7 +106,7 @@ def tried_sides(production: Production, what: Characteristic, runs: Sequence[str
 def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> Any:
     """Return a table of the runs that have the metric: their verdict, and the rank of the one under the rule."""
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
-    this = and_(*(means(name, func.coalesce(METRICS.c[name], ""), getattr(what, name)) for name in MEANING))
+    this = METRICS.c.meaning.in_(numbers_of(what.meaning))
     new = func.max(case((this, rank_under(rule)), else_=null()))
     others = func.max(case((and_(~this, METRICS.c.main), _rank_now()), else_=null()))
     oldest = production.oldest_of(lot, RUNS.c.valid, newest=lot.newest)

@@ -5,29 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, Subquery, func, or_, select
+from sqlalchemy import ColumnElement, Select, Subquery, func, select
 
 from analysis.line.groups import Sums
-from analysis.metrics.former_wordings import wording_of_today, wordings
+from analysis.metrics.former_wordings import wording_of_today
 from station.errors import StationError
 from station.store.plant.hours import whole_hours
+from station.store.plant.meanings import WORDED, Meaning, meaning_of_metrics, meanings_of, numbers_of
 from station.store.quality.counts import Grouping, grouping
 from station.store.quality.lot import Lot, Production
-from station.store.tables import METRIC_HOURS, METRICS, RUNS
-
-MEANING = ("metric", "choices", "branch", "definition", "estimator", "band", "torque_nm", "unit")
-"""What must be the same of a metric in every run, or the numbers are not of one kind; whatever words it is said in."""
-
-
-def means(name: str, there: ColumnElement[Any], text: str) -> ColumnElement[bool]:
-    """Return the condition that a column of MEANING says what a text says, in the words of today or of before."""
-    if name not in WORDED:
-        return there == text
-    return there.in_(wordings(text))
-
-
-WORDED = ("definition", "estimator")
-"""What of MEANING is in words for people, which become better."""
+from station.store.tables import MEANINGS, METRIC_HOURS, METRICS, RUNS
 
 
 class Characteristic(NamedTuple):
@@ -52,6 +39,11 @@ class Characteristic(NamedTuple):
     def name(self) -> str:
         """Return how it is called and asked for."""
         return " ".join(part for part in (self.metric, self.choices) if part)
+
+    @property
+    def meaning(self) -> Meaning:
+        """Return what it means, without limits and sides."""
+        return Meaning(*(getattr(self, name) for name in Meaning._fields))
 
     @property
     def limited(self) -> bool:
@@ -90,19 +82,19 @@ def characteristics(production: Production, lot: Lot) -> tuple[Characteristic, .
 
 def metrics_of_run(production: Production, run: str) -> tuple[Characteristic, ...]:
     """Return the metrics of a run, in the order of its recipe."""
-    asked = select(METRICS).where(METRICS.c.chain == production.chain.id, METRICS.c.run == run)
+    columns = (*(METRICS.c[name] for name in ("position", "limit_min", "limit_max", "side")), *MEANINGS.c)
+    asked = select(*columns).select_from(METRICS).join(MEANINGS, meaning_of_metrics())
+    asked = asked.where(METRICS.c.chain == production.chain.id, METRICS.c.run == run)
     asked = asked.order_by(METRICS.c.position, METRICS.c.main.desc())
     found: dict[int, Characteristic] = {}
     for row in production.connection.execute(asked).mappings():
         there = found.get(row["position"])
         if there is None:
+            texts = {name: row[name] for name in Meaning._fields}
+            texts |= {name: wording_of_today(row[name]) for name in WORDED}
             found[row["position"]] = Characteristic(
-                metric=row["metric"], choices=row["choices"], branch=row["branch"] or "",
-                definition=wording_of_today(row["definition"] or ""), band=row["band"] or "",
-                estimator=wording_of_today(row["estimator"] or ""),
-                torque_nm=row["torque_nm"] or "", unit=row["unit"] or "",
-                limit_min=row["limit_min"], limit_max=row["limit_max"], sides=(row["side"],),
-            )  # fmt: skip
+                **texts, limit_min=row["limit_min"], limit_max=row["limit_max"], sides=(row["side"],)
+            )
         else:
             found[row["position"]] = there._replace(sides=(*there.sides, row["side"]))
     return tuple(
@@ -182,7 +174,7 @@ def sums(  # noqa: PLR0917 - what is asked for
 ) -> dict[str, Sums]:
     """Return the sums of each group over the whole lot, about an origin near the mean, in the order of their names."""
     group = grouping(by)
-    if whole_hours(lot.since, lot.until):
+    if group.of_hours and whole_hours(lot.since, lot.until):
         asked = _sums_of_hours(production, lot, what, side, group, origin)
     else:
         runs = production.chosen(lot, RUNS.c.valid, said=(group.of,))
@@ -207,29 +199,26 @@ def _sums_of_hours(  # noqa: PLR0917 - what is asked for
     sums_of = (there.number, there.number * away, there.squares + there.number * away * away)
     key = group.column(METRIC_HOURS).label("key")
     asked = production.of_hours(select(key, *map(func.sum, sums_of)).select_from(METRIC_HOURS), METRIC_HOURS, lot)
-    asked = asked.where(there.side == side, there.number > 0)
-    for name in MEANING:
-        asked = asked.where(means(name, there[name], getattr(what, name)))
+    asked = asked.where(there.meaning.in_(numbers_of(what.meaning)), there.side == side, there.number > 0)
     return asked.group_by(key)
 
 
 def other_meanings(production: Production, lot: Lot, what: Characteristic) -> int:
     """Return how many of the newest valid first attempts mean something else by a metric of this name."""
+    named = {"metric": what.metric, "choices": what.choices, "branch": what.branch}
+    others = meanings_of(production.connection, production.chain.id, **named).keys() - set(numbers_of(what.meaning))
+    if not others:
+        return 0
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
     asked = select(func.count()).select_from(runs).join(METRICS, _together(runs)).where(METRICS.c.main)
-    asked = asked.where(_in_reach(production, lot))
-    asked = asked.where(METRICS.c.metric == what.metric, METRICS.c.choices == what.choices)
-    asked = asked.where(func.coalesce(METRICS.c.branch, "") == what.branch)
-    differs = [~means(name, func.coalesce(METRICS.c[name], ""), getattr(what, name)) for name in MEANING]
-    return int(production.connection.execute(asked.where(or_(*differs))).scalar_one())
+    asked = asked.where(_in_reach(production, lot), METRICS.c.meaning.in_(sorted(others)))
+    return int(production.connection.execute(asked).scalar_one())
 
 
 def _of(asked: Select[Any], runs: Subquery, what: Characteristic, side: str) -> Select[Any]:
     asked = asked.select_from(runs).join(METRICS, _together(runs))
     asked = asked.where(METRICS.c.side == side, METRICS.c.value.is_not(None))
-    for name in MEANING:
-        asked = asked.where(means(name, func.coalesce(METRICS.c[name], ""), getattr(what, name)))
-    return asked
+    return asked.where(METRICS.c.meaning.in_(numbers_of(what.meaning)))
 
 
 def _in_reach(production: Production, lot: Lot) -> ColumnElement[bool]:

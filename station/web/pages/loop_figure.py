@@ -11,7 +11,9 @@ from typing import Any
 
 from station.reports.loop_curves import FALLING, RISING, Line, LoopCurves
 from station.reports.metric_torques import Span
+from station.web.languages import ENGLISH, Words, words_of
 
+IN_ENGLISH = words_of(ENGLISH)
 INK, GRID = "#23282b", "#c2c7ca"
 OWN = "#0b4f6c"
 OTHERS: tuple[tuple[str, str], ...] = (
@@ -57,7 +59,9 @@ class Marked:
     allowed_arcmin: float | None = None
 
 
-def loop_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], *, close: bool = False) -> Figure:
+def loop_figure(
+    own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], say: Words = IN_ENGLISH, *, close: bool = False
+) -> Figure:
     """Return the picture of the loop; close: no more of it than is marked, and a little around."""
     traces = [_trace(line, own.name, OWN, "solid", first=not place) for place, line in enumerate(own.curves.loop)]
     for one, (colour, dash) in zip(others, OTHERS, strict=False):
@@ -66,12 +70,12 @@ def loop_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], *
         torque, windup = own.curves.alarm
         mark = {"symbol": "x", "size": 14, "color": MARKS["FAIL"][1]}
         traces.append(
-            {"type": "scatter", "mode": "markers", "name": "alarm", "x": [torque], "y": [windup], "marker": mark}
+            {"type": "scatter", "mode": "markers", "name": say("alarm"), "x": [torque], "y": [windup], "marker": mark}
         )
     if any(line.name.startswith(RISING) for line in own.curves.loop):  # of a run that was evaluated
         widths = [one for one in marked if one.allowed_arcmin is not None]
-        traces += [_allowed(own.curves, one, first=not place) for place, one in enumerate(widths)]
-    layout = _layout("torque at the output in N·m", "wind-up at the output in arcmin")
+        traces += [_allowed(own.curves, one, say, first=not place) for place, one in enumerate(widths)]
+    layout = _layout(say("torque at the output in N·m"), say("wind-up at the output in arcmin"))
     shapes, names = _bands(marked, own.curves.reference_nm)
     layout |= {"shapes": shapes, "annotations": names}
     if close and (ends := close_range(own.curves.reference_nm, marked)):
@@ -83,28 +87,29 @@ def loop_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], *
     return {"data": traces, "layout": layout, "config": CONFIG}
 
 
-def _allowed(curves: LoopCurves, marked: Marked, *, first: bool) -> Figure:
+def _allowed(curves: LoopCurves, marked: Marked, say: Words, *, first: bool) -> Figure:
     """Return how wide the loop may be, as a bar about its middle at each torque where its width is read."""
     rising, falling = (next(line for line in curves.loop if line.name.startswith(name)) for name in (RISING, FALLING))
     torques = [low for low, _ in marked.spans_nm]
     middles = [(rising.at(torque) + falling.at(torque)) / 2 for torque in torques]
     half = (marked.allowed_arcmin or 0.0) / 2
     bar = {"type": "constant", "value": half, "color": INK, "thickness": 3, "width": 12}
-    hover = plain_text(f"allowed: {marked.allowed_arcmin:g} arcmin, {marked.name}")
+    allowed = say("allowed width")
+    hover = plain_text(f"{allowed}: {marked.allowed_arcmin:g} arcmin, {marked.name}")
     return {
-        "type": "scatter", "mode": "markers", "name": "allowed width", "legendgroup": "allowed", "showlegend": first,
+        "type": "scatter", "mode": "markers", "name": allowed, "legendgroup": "allowed", "showlegend": first,
         "x": torques, "y": middles, "error_y": bar, "hovertemplate": f"{hover}<extra></extra>",
         "marker": {"symbol": "line-ns-open", "size": 14, "color": INK, "line": {"width": 3, "color": INK}},
     }  # fmt: skip
 
 
-def stiffness_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked]) -> Figure:
+def stiffness_figure(own: Drawn, others: Sequence[Drawn], marked: Sequence[Marked], say: Words = IN_ENGLISH) -> Figure:
     """Return the picture of the local stiffness of the loading branches over torque; marked: stiffnesses alone."""
     traces = [_trace(line, own.name, OWN, "solid", first=not place) for place, line in enumerate(own.curves.stiffness)]
     for one, (colour, dash) in zip(others, OTHERS, strict=False):
         lines = one.curves.stiffness
         traces += [_trace(line, one.name, colour, dash, first=not place) for place, line in enumerate(lines)]
-    layout = _layout("torque at the output in N·m", "stiffness in N·m/arcmin")
+    layout = _layout(say("torque at the output in N·m"), say("stiffness in N·m/arcmin"))
     shapes, names = _bands([one for one in marked if one.stiffness], own.curves.reference_nm)
     layout["yaxis"] |= {"rangemode": "tozero"}
     return {"data": traces, "layout": layout | {"shapes": shapes, "annotations": names}, "config": CONFIG}

@@ -15,7 +15,6 @@ from nicegui import ui
 from pydantic import JsonValue
 
 from definitions.faults import FAULTS
-from station.documents.events import LeftState
 from station.errors import StationError
 from station.run.screen.progress import signed
 from station.wall_clock import WALL_CLOCK
@@ -36,6 +35,7 @@ from station.web.pages.frame import (
     still_open,
     words_for,
 )
+from station.web.pages.words import left_said
 from station.web.people.accounts import Session
 from station.web.station import Station
 
@@ -203,7 +203,7 @@ def fault_said(standing: Standing, fault: Fault, say: Words) -> str:
     ended = say("Run {run} on bench {bench} ended: {state}.", run=fault.run, bench=fault.bench, state=say(fault.state))
     said = [say("Recovered.")] if standing.released else []
     said += [ended, _cause_said(fault.cause, say)]
-    said += [say(NOBODY_SAW)] if fault.left is None else [_left_said(fault.left, say)]
+    said += [say(NOBODY_SAW)] if fault.left is None else [left_said(fault.left, say)]
     said += [say("The last try did not release the unit: {said}", said=standing.said)] if standing.said else []
     return " ".join(one for one in said if one)
 
@@ -215,16 +215,6 @@ def _cause_said(cause: str, say: Words) -> str:
         if cause.startswith(begin):
             return f"{say(fault.text)}. {say(fault.next_action)}.{cause[len(begin) :]}"
     return cause
-
-
-def _left_said(left: LeftState, say: Words) -> str:
-    torque = say("torque at the output not known")
-    if left.torque_nm is not None:
-        torque = say("{torque} N·m at the output", torque=signed(left.torque_nm, 1))
-    parts = ((torque, left.torque_known), (say(f"lock {left.lock}"), left.lock_known),
-             (say(f"drive {left.drive}"), left.drive_known))  # fmt: skip
-    how = ", ".join(text if known else f"{text} ({say('last known')})" for text, known in parts)
-    return say("It was left with {how}. Next: {action}.", how=how, action=say(left.next_action))
 
 
 def _torque(sight: Sight, say: Words) -> str:

@@ -29,7 +29,17 @@ from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.live import GrowingLoop, Looks
 from station.web.pages.quality_figures import Options
-from station.web.pages.words import ENDINGS, NOT_BELIEVED, READY, RUNNING, STARTING, VERDICTS, Shown, attempts_said
+from station.web.pages.words import (
+    ENDINGS,
+    NOT_BELIEVED,
+    READY,
+    RUNNING,
+    STARTING,
+    VERDICTS,
+    Shown,
+    attempts_said,
+    reason_said,
+)
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED, Now
 from station.web.running import RUNNING as IS_RUNNING
@@ -303,7 +313,7 @@ def _why(now: Now, say: Words) -> str:
         return "<br>".join(escape(one) for one in now.altered)
     if now.result is None:
         return ""
-    reasons = "".join(f"<p>{escape(say(one))}</p>" for one in remaining_reasons(now.result)[:4])
+    reasons = "".join(f"<p>{escape(reason_said(one, say))}</p>" for one in remaining_reasons(now.result)[:4])
     return f"{reasons}{metrics_table(now.result, say)}"
 
 

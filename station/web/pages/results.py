@@ -38,7 +38,7 @@ COLUMNS: tuple[Column, ...] = (
     {
         "field": "verdict",
         "headerName": "Verdict",
-        "width": 190,
+        "width": 250,
         "cellClassRules": {"lm-bad": "data.judged.includes('FAIL')", "lm-open": "!/PASS|FAIL/.test(data.judged)"},
     },
     {"field": "open", "headerName": "Serial number", "width": 200},
@@ -223,7 +223,7 @@ def row_of(one: StoredRun, attempts: str, say: Words) -> RunRow:
         # A record that is not as it was left has no report.
         "report": ""
         if one.altered
-        else f'<a href="/api/runs/{name}/report.html" aria-label="report {what}">page</a> '
+        else f'<a href="/api/runs/{name}/report.html" aria-label="report {what}">{escape(say("page"))}</a> '
         f'<a href="/api/runs/{name}/report.pdf" aria-label="report as PDF {what}">PDF</a>',
     }
 

@@ -30,8 +30,21 @@ from station.reports.result_text import (
 from station.reports.result_view import timing_line
 from station.reports.stored_result import result_and_doubts
 from station.reports.timing_tables import timing_details, timing_proof
+from station.web.languages import ENGLISH, Words, words_of
 from station.web.pages.frame import HERE
-from station.web.pages.words import ENDINGS, NOT_BELIEVED, NOT_CONCLUDED, SHAPES, STYLES, VERDICTS, Shown, local
+from station.web.pages.words import (
+    ENDINGS,
+    NOT_BELIEVED,
+    NOT_CONCLUDED,
+    SHAPES,
+    STYLES,
+    VERDICTS,
+    Shown,
+    attempts_said,
+    left_said,
+    local,
+    reason_said,
+)
 
 RESTORE = "Restore the record from a backup, or test the unit again."
 """What to do about a record that is not as it was left."""
@@ -67,8 +80,13 @@ class _MetricRow:
     verdict: str | None
 
 
-def run_text(run: RunRecord) -> RunText:
+IN_ENGLISH = words_of(ENGLISH)
+
+
+def run_text(run: RunRecord, say: Words = IN_ENGLISH) -> RunText:
     """Return what the page of a run says; of one whose record is not as it was left only whose it is, and why.
+
+    Names of metrics and checks, causes of faults and the proof of timing stay as the record has them.
 
     Raises:
         RecordError: its run.json cannot be read.
@@ -84,26 +102,28 @@ def run_text(run: RunRecord) -> RunText:
     head = headline(result)
     reasons = [*doubts, RESTORE] if doubtful else remaining_reasons(result)
     if not doubtful and head.verdict:
-        reasons = [head.text, *reasons]
+        what, _, cause = head.text.partition(": ")
+        reasons = [f"{say(what)}: {say(cause)}" if cause else say(what), *reasons]
     html = (
         _environment()
         .get_template("run.html")
         .render(
             run=manifest,
             tile=tile,
-            attempt=attempt_text(manifest.attempt, manifest.before, manifest.retest_reason),
+            attempt=attempts_said(attempt_text(manifest.attempt, manifest.before, manifest.retest_reason), say),
             badges=manifest_badges(manifest) if doubtful else badges(result),
-            reasons=[line for reason in reasons for line in reason.splitlines() if line.strip()],
+            reasons=[reason_said(line, say) for reason in reasons for line in reason.splitlines() if line.strip()],
             metrics=[_row_text(row, result) for row in rows],
             uncertainty="" if doubtful else uncertainty_kind(result.metrics),
-            facts=_facts(manifest, [] if doubtful else note_lines(result)),
+            facts=_facts(manifest, [] if doubtful else note_lines(result), say),
             alarms=() if doubtful else result.alarms,
-            left=None if doubtful else result.left,
+            left=None if doubtful or result.left is None else left_said(result.left, say),
             checks=checks,
-            checks_line=checks_line(() if doubtful else shown_checks(result)),
+            checks_line=", ".join(map(say, checks_line(() if doubtful else shown_checks(result)).split(", "))),
             failed=FAILED,
             timing="" if timing is None or not timing.scans else timing_line(timing),
             timing_details=[] if doubtful else timing_details(timing_proof(run)),
+            say=say,
             shapes=SHAPES,
             styles=STYLES,
         )
@@ -139,19 +159,19 @@ def _row_text(row: MetricValue, result: Result) -> _MetricRow:
     )
 
 
-def _facts(run: Manifest, notes: Sequence[str]) -> list[tuple[str, str]]:
+def _facts(run: Manifest, notes: Sequence[str], say: Words) -> list[tuple[str, str]]:
     """Return whose run it is, by what and when it was measured, and what a person should know besides."""
     clock = clock_of(run.clock)
     facts = [
         ("model", run.unit.model),
         ("virtual unit", virtual_unit(run.unit)),
-        ("master part", f"should read {run.unit.master}" if run.unit.master else ""),
-        ("recipe", f"{run.recipe.name} revision {run.recipe.revision}"),
-        ("bench", f"{run.bench.name} revision {run.bench.revision}"),
+        ("master part", say("should read {verdict}", verdict=say(run.unit.master)) if run.unit.master else ""),
+        ("recipe", say("{name} revision {revision}", name=run.recipe.name, revision=run.recipe.revision)),
+        ("bench", say("{name} revision {revision}", name=run.bench.name, revision=run.bench.revision)),
         ("operator", run.operator or ""),
         ("started", local(run.started)),
         ("ended", local(run.ended)),
-        ("clock", CLOCK_TEXTS.get(clock, clock)),
+        ("clock", say(CLOCK_TEXTS.get(clock, clock))),
         ("faults injected", run.scenario or ""),
         *(("note", one) for one in notes),
         *(("note", one) for one in run.notes if one not in notes),

@@ -6,8 +6,10 @@ import re
 from datetime import datetime
 from typing import NamedTuple
 
+from station.documents.events import LeftState
 from station.documents.manifest import STATES
 from station.records import run_record
+from station.run.screen.progress import signed
 from station.store.attempts import ALTERED
 from station.store.stored_runs import StoredRun
 from station.web.languages import Words
@@ -50,6 +52,10 @@ def verdict_text(one: StoredRun) -> str:
     return f"{SHAPES.get(one.verdict or '', NO_VERDICT)} {one.verdict or 'NO VERDICT'}"
 
 
+LIMIT_REASON = re.compile(r"(?P<found>.+) is (?P<where>above|below) the limit of (?P<limit>.+?): (?P<meaning>.+)")
+"""The reason of a metric out of its limits, as the evaluation writes it."""
+
+
 def attempts_said(text: str, say: Words) -> str:
     """Return which attempt a run is and what became of those before in a language, from the words of a record.
 
@@ -64,6 +70,26 @@ def _attempt_said(part: str, say: Words) -> str:
         return say(part)
     said = say("attempt {number}", number=found["number"])
     return " ".join(word for word in (said, say(found["outcome"] or ""), found["failed"]) if word)
+
+
+def reason_said(text: str, say: Words) -> str:
+    """Return a reason of a verdict in a language: figures and the name of the metric stay, what it means does not."""
+    found = LIMIT_REASON.fullmatch(text)
+    if found is None:
+        return say(text)
+    said = f"{{found}} is {found['where']} the limit of {{limit}}: {{meaning}}"
+    return say(said, found=found["found"], limit=found["limit"], meaning=say(found["meaning"]))
+
+
+def left_said(left: LeftState, say: Words) -> str:
+    """Return how a bench was left, and what a person does before touching the unit."""
+    torque = say("torque at the output not known")
+    if left.torque_nm is not None:
+        torque = say("{torque} N·m at the output", torque=signed(left.torque_nm, 1))
+    parts = ((torque, left.torque_known), (say(f"lock {left.lock}"), left.lock_known),
+             (say(f"drive {left.drive}"), left.drive_known))  # fmt: skip
+    how = ", ".join(text if known else f"{text} ({say('last known')})" for text, known in parts)
+    return say("It was left with {how}. Next: {action}.", how=how, action=say(left.next_action))
 
 
 def local(moment: str | None) -> str:

@@ -9,26 +9,27 @@ from typing import Any
 
 import pytest
 from lostmotion_command import here
-from sqlalchemy import Column, Connection, MetaData, Table, inspect, select, text
+from older_store import to_version_0005
+from sqlalchemy import inspect, select, text
 from stored_runs import metric, store_run
 
 from analysis.trace.errors import AnalysisError
 from station.errors import StationError
 from station.quality.figures import causes_of, trend_of, yield_of
 from station.records.chain.chain_file import Chain
-from station.store import engine
 from station.store import stored_runs as stored
-from station.store.engine import VERSIONS, StoreError
+from station.store.engine import StoreError
 from station.store.outbox import put_runs, rebuild, remove_runs
 from station.store.places import STORE_URL
 from station.store.plant.hours import whole_hours
+from station.store.plant.meanings import meanings_of, put_meanings
 from station.store.plant.months import DIVIDED, make_months
 from station.store.quality.counts import GROUPINGS
 from station.store.quality.lot import Lot, Production, production
 from station.store.run_search import search
 from station.store.stored_runs import Wanted
 from station.store.table_counts import all_rows
-from station.store.tables import CAUSE_HOURS, METADATA, METRIC_HOURS, REMOVALS, RUN_HOURS, RUNS
+from station.store.tables import RUNS
 from station.store.view import another_recipe, bring_up, look_at, opened
 
 COUNT = 60
@@ -201,35 +202,11 @@ def test_every_month_is_a_partition_and_the_next_one_is_made_ahead(
     database.close()
 
 
-NEW = (RUN_HOURS, METRIC_HOURS, CAUSE_HOURS, REMOVALS)
-OLD = [table for table in METADATA.sorted_tables if table not in NEW]
-"""Tables of the version before this one."""
-
-
-def _to_the_version_before(connection: Connection) -> None:
-    """Make the tables of the version before this one, with the rows that they would have."""
-    from alembic import command  # noqa: PLC0415 - for these tests alone
-    from alembic.config import Config  # noqa: PLC0415
-
-    rows = {table: [dict(row) for row in connection.execute(select(table)).mappings()] for table in OLD}
-    METADATA.drop_all(connection)
-    connection.execute(text(f"DROP TABLE {VERSIONS}"))
-    config = Config()
-    config.set_main_option("script_location", str(Path(engine.__file__).parent / "migrations"))
-    config.attributes["connection"] = connection
-    command.upgrade(config, "0005")
-    for table, content in rows.items():
-        there = {column["name"] for column in inspect(connection).get_columns(table.name)}
-        if content:
-            kept = Table(table.name, MetaData(), *(Column(one.name, one.type) for one in table.c if one.name in there))
-            connection.execute(kept.insert(), [{name: row[name] for name in there} for row in content])
-
-
 def test_a_store_of_the_version_before_has_the_rows_of_one_that_is_made_anew(plant: Path) -> None:
     database, chain = opened(plant), Chain(plant)
     before = all_rows(database, chain)
     with database.writing() as connection:
-        _to_the_version_before(connection)
+        to_version_0005(connection)
     database.close()
     assert bring_up(plant, 60.0) == 0  # the chain is walked anew
     database = opened(plant)
@@ -249,7 +226,7 @@ def test_a_big_store_of_the_version_before_waits_for_a_rebuild(
     database, chain = opened(plant), Chain(plant)
     before = all_rows(database, chain)
     with database.writing() as connection:
-        _to_the_version_before(connection)
+        to_version_0005(connection)
     database.close()
     with pytest.raises(StoreError, match=r"version 0005 and more than 10 runs.*'lostmotion store rebuild'"):
         another_recipe(plant, "inverse", 1, "", most_s=1.0)
@@ -259,4 +236,15 @@ def test_a_big_store_of_the_version_before_waits_for_a_rebuild(
     assert here("store", "rebuild", "--data", str(plant)).exit_code == 0
     database = opened(plant)
     assert all_rows(database, chain) == before
+    database.close()
+
+
+def test_two_meanings_of_one_number_are_refused(plant: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Their values would be taken for those of one kind."""
+    database, chain = opened(plant), Chain(plant)
+    with database.reading() as connection:
+        number, there = next(iter(meanings_of(connection, chain.id).items()))
+    monkeypatch.setattr("station.store.plant.meanings.number_of", lambda _: number)
+    with pytest.raises(StoreError, match=f"{number} stands for two meanings"), database.writing() as connection:
+        put_meanings(connection, chain.id, [there, there._replace(unit="arcsec")])
     database.close()

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import json
 import shutil
-import sqlite3
 from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
 from lostmotion_command import here
+from older_store import to_version_0005
 from station_samples import SETUP
 from stored_runs import START, metric, store_run
 
@@ -24,13 +24,13 @@ from station.records.data_folder import Store
 from station.records.traces import FOLDER
 from station.records.verify import verify_folder
 from station.store import outbox
-from station.store.places import FILE as STORE_FILE
+from station.store.engine import IN_MEMORY
 from station.store.plant.removals import removals, removals_now
 from station.store.retention import apply, load_rules, plan
 from station.store.run_search import MISSING, search
 from station.store.stored_runs import Wanted
 from station.store.table_counts import all_rows
-from station.store.view import look_at
+from station.store.view import look_at, opened
 from station.web.people import audit
 from station.web.people.database import StationDatabase
 
@@ -129,10 +129,12 @@ def test_a_store_of_an_older_version_learns_of_the_runs_that_were_removed_before
         assert not {problem.run for problem in view.problems} & removed.keys()
         assert not set(view.missing) & removed.keys()
         rows = all_rows(view.database, view.chain)
-    with sqlite3.connect(data / STORE_FILE) as old:
-        old.execute("DROP TABLE removals")
-        old.execute("UPDATE alembic_version SET version_num = '0006'")
+    database = opened(data)
+    with database.writing() as connection:
+        to_version_0005(connection)
+    database.close()
     with look_at(data) as view:
+        assert view.database.place.url != IN_MEMORY
         assert all_rows(view.database, view.chain) == rows
         assert not set(view.missing) & removed.keys()
         assert removals_now(connection, view.chain, view.trust, [*removed], 1) == removed

@@ -79,7 +79,7 @@ def test_every_table_has_what_the_folders_say(lot: Path) -> None:
         assert view.runs == [run.id for run in Store(lot).runs()]
     assert found == {
         "alarms": 0, "archived": 0, "attempts": 12, "benches": 2, "calibrations": 1, "cause_hours": 1,
-        "checks": 0, "metric_hours": 12,
+        "checks": 0, "meanings": 1, "metric_hours": 12,
         "metrics": 20, "projections": 1, "recipes": 2, "removals": 0, "run_hours": 9, "runs": 11, "units": 11,
     }  # fmt: skip
 

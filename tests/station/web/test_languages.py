@@ -13,15 +13,19 @@ from test_start_permission import cases
 from definitions.faults import FAULT_BY_NUMBER, Fault
 from definitions.image import State
 from definitions.jog import PHASES
+from definitions.metrics import METRICS
 from definitions.states import row_of
+from station.records.clocks import CLOCK_TEXTS
+from station.reports.content import PASSED
+from station.reports.headline import BENCH_FAULT, FAULTS_INJECTED, STOPPED_BY
 from station.web.actions.jog import NO_JOG
 from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
 from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
-from station.web.pages import frame, jog, maintenance, operator, people, results, words
+from station.web.pages import frame, jog, loop_figure, maintenance, operator, people, results, run, run_text, words
 from station.web.pages.operator import enter_page
-from station.web.pages.words import Shown, attempts_said
+from station.web.pages.words import Shown, attempts_said, reason_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
@@ -67,6 +71,8 @@ TEXTS = [
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
+    *said(run), *said(run_text), *said(loop_figure), *run.FILE_WORDS.values(), run_text.RESTORE, *CLOCK_TEXTS.values(),
+    *PASSED.values(), *STOPPED_BY.values(), FAULTS_INJECTED, BENCH_FAULT,
     *said(maintenance), *maintenance.BUTTONS.values(), *maintenance.SAID, maintenance.LOADING, maintenance.NOBODY_SAW,
     *said(jog), *said(people), *titles(people), *people.COLUMNS, *people.DONE.values(),
     OPEN, FIRST, LOCKED, CLOSED, "yes", "no",
@@ -102,6 +108,9 @@ def test_every_text_of_the_pages_has_one_in_each_language(language: str) -> None
     assert [text for text in TEXTS if not there.get(text) and words_of(language)(text) == text] == []
     parts = re.findall(r'say\("(.+?)"', (frame.HERE / "jog.html").read_text("utf-8"))
     assert len(parts) > 4
+    assert [text for text in parts if not there.get(text)] == []
+    parts = re.findall(r'say\("(.+?)"', (frame.HERE / "run.html").read_text("utf-8"))
+    assert len(parts) > 12
     assert [text for text in parts if not there.get(text)] == []
     entered = re.findall(r"\{\{(.+?)\}\}", (frame.HERE / "enter.html").read_text("utf-8"))
     assert len(entered) > 8
@@ -178,6 +187,18 @@ def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_i
     for outcome in words.OUTCOMES:
         assert attempts_said(f"attempt 1 {outcome}", words_of("zh")) != f"attempt 1 {outcome}"
         assert outcome not in attempts_said(f"attempt 1 {outcome}", words_of("zh"))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_a_metric_out_of_its_limits_means_is_said_in_each_language(language: str) -> None:
+    say = words_of(language)
+    for meaning in {text for row in METRICS.values() for text in (row.bad.too_low, row.bad.too_high)}:
+        for where in ("above", "below"):
+            text = f"Backlash (loop width at ±3 % T_r), side +: 1.2 arcmin is {where} the limit of 1 arcmin: {meaning}"
+            said = reason_said(text, say)
+            assert "1.2 arcmin" in said
+            assert meaning not in said, meaning
+            assert where not in said
 
 
 def test_a_reason_of_a_failed_metric_is_said_in_both_forms() -> None:

@@ -18,6 +18,7 @@ from stored_runs import metric, store_run
 
 from station.records.data_folder import Store
 from station.reports.loop_curves import loop_curves
+from station.web.languages import words_of
 from station.web.pages.run import allowed_width, beside
 from station.web.pages.run_text import run_text
 
@@ -50,6 +51,22 @@ def test_what_failed_stands_first(folder: Path) -> None:
     assert abs(read_at["backlash_width_3pct"][0][0]) == pytest.approx(12.36)
     assert read_at["spring_constant"][0] in ((402.0, 412.0), (-412.0, -402.0))
     assert found.html.count("&lt;img src=x onerror=alert(1)&gt;") >= 3, "operator, reason and note stand there as text"
+
+
+@pytest.mark.parametrize(
+    ("language", "failed", "fact"), [("de", "NICHT IN ORDNUNG", "Prüfstand"), ("zh", "不合格", "试验台")]
+)
+def test_the_page_speaks_the_language_of_the_person(folder: Path, language: str, failed: str, fact: str) -> None:
+    run = Store(folder).find("W1")
+    html = run_text(run, words_of(language)).html
+    english = run_text(run).html
+    assert failed in html
+    assert f"<dt>{fact}</dt>" in html
+    for text in ("Validity checks:", ">Limits</th>", "<dt>operator</dt>", "checks passed", "attempt 2", ">passed<",
+                 "more play than allowed"):  # fmt: skip
+        assert text in english, text
+        assert text not in html, text
+    assert html.count("<tr") == english.count("<tr")
 
 
 def test_earlier_attempts_and_the_golden_unit_of_the_model_are_offered(tmp_path: Path) -> None:

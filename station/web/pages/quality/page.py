@@ -38,7 +38,11 @@ from station.web.station import Station
 BY_DAY_UP_TO = timedelta(days=62)
 """Yield is shown by day for a lot of up to so many days, else by month."""
 
-TREND_BY = ("shift", "bench", "operator", "revision", "day", "month")
+TREND_BY = {
+    "shift": "shift", "bench": "bench", "fixture": "fixture", "lock-angle": "lock angle", "operator": "operator",
+    "revision": "revision", "day": "day", "month": "month",
+}  # fmt: skip
+"""What a metric is shown by, and how that is called."""
 
 CAUSES = {"failed": "Metric that failed", "undecided": "No verdict", "alarms": "Alarm, any attempt"}
 """Causes by their name in the figure, and what stands above them."""
@@ -105,7 +109,7 @@ class _Quality:
                 self._capability = ui.html("", sanitize=False).classes("lm-capability")
             with card("By group"):
                 with ui.row().classes("lm-choose-row"):
-                    self._by = ui.select(list(TREND_BY), value="shift", label="By", on_change=self._trend).props(
+                    self._by = ui.select(TREND_BY, value="shift", label="By", on_change=self._trend).props(
                         "outlined dense"
                     )
                     self._trend_said = ui.label().classes("lm-words")

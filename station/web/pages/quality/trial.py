@@ -73,7 +73,7 @@ class TrialCard:
                     on_change=self.forget,
                 ).props("outlined dense")  # fmt: skip
                 ui.button("Try", on_click=self._try).props("outline no-caps")
-                self._save = ui.button("Save as draft", on_click=self._save_draft).props("outline no-caps")
+                self._save = ui.button("Save as draft", on_click=self._save_draft).props("outline no-caps no-wrap")
             ui.label(
                 f"An empty field keeps the present limit, {NONE!r} removes it. A guard band of 0 ignores the "
                 "uncertainty. No stored verdict changes."

@@ -130,7 +130,7 @@ def test_a_value_without_uncertainty_is_not_decidable_by_a_guard_band(tmp_path: 
 def test_a_doubt_beyond_value_and_u_is_not_undone_by_a_limit(
     limit: float, before: float | None, after: str, tmp_path: Path
 ) -> None:
-    """0.5 ± 0.01 passes by a limit of 1.0, yet the run was not decidable; by 0.505 it does so by the simple rule only."""
+    """0.5 ± 0.01 passes by a limit of 1.0, yet was not decidable; by 0.505 it does so by the simple rule only."""
     side = {"value": 0.5, "uncertainty": 0.01, "verdict": "NOT DECIDABLE"}
     one = metric(0.5, uncertainty=0.01, limits={"min": None, "max": limit}, verdict="NOT DECIDABLE", sides={"+": side})
     store_run(tmp_path, "U1", [one], reasons=["lost_motion: it would pass by a gap alone"])

@@ -29,7 +29,9 @@ FIGURES: dict[str, Callable[[Production], object]] = {
     "control chart": lambda look: chart_of(look, LOT, METRIC, RULE_SETS["western-electric"]),
     "trend by month": lambda look: trend_of(look, LOT, METRIC, "month"),
     "trend by shift": lambda look: trend_of(look, LOT, METRIC, "shift"),
-    "limits on trial": lambda look: flips(look, LOT, characteristic(look, LOT, METRIC), Rule(None, 0.51, 0.5)),
+    "limits on trial": lambda look: flips(
+        look, LOT, characteristic(look, LOT, METRIC), Rule(None, 0.51, 0.5), guard_now=None
+    ),
 }
 """What is asked: counts and trends of all runs, values of the newest 2000 first attempts."""
 

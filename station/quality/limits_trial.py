@@ -110,7 +110,7 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
     what = characteristic(production, lot, tried.metric, tried.branch)
     run, before, after, _ = rules_of(production, lot, what, tried)
     check_limits(what.name, after.limit_min, after.limit_max)
-    counts = flips(production, lot, what, after)
+    counts = flips(production, lot, what, after, guard_now=before.guard_factor)
     changing = sum(number for (was, new), number in counts.items() if was != new)
     return Trial(
         lot,
@@ -120,15 +120,17 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
         run,
         sum(counts.values()),
         tuple((was, new, number) for (was, new), number in counts.items()),
-        tuple(flips_with_reasons(production, lot, what, after, most)),
+        tuple(flips_with_reasons(production, lot, what, after, most, guard_now=before.guard_factor)),
         changing,
         tuple(side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
     )
 
 
-def flips_with_reasons(production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int) -> list[Flip]:
+def flips_with_reasons(
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, guard_now: float | None
+) -> list[Flip]:
     """Return the newest runs that flip, newest first, each with what decides it."""
-    found = flipped(production, lot, what, rule, most)
+    found = flipped(production, lot, what, rule, most, guard_now=guard_now)
     sides = tried_sides(production, what, [one.run for one in found])
     return [one._replace(why=why_by_rule(what, sides[one.run], rule, one.after)) for one in found]
 

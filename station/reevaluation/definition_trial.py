@@ -50,7 +50,7 @@ def definition_trial(  # noqa: PLR0917 - what is tried on what, and how
         check_limits(what.name, after.limit_min, after.limit_max)
         check_entry(data, run, recipe, what)
         _, definition = definition_of(recipe, what.metric, tried.definition)
-        rows = tried_runs(look, lot, what, after)
+        rows = tried_runs(look, lot, what, after, guard_now=before.guard_factor)
         there = {side: values(look, lot, what, side) for side in what.sides}
     question = Question(change=change_of(what.metric, before, after, definition))
     archive = load_settings(data) if (data / SETTINGS).is_file() else None

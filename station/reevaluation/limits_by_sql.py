@@ -40,9 +40,9 @@ def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> list[
         lot = look.one_recipe(lot)
         what = characteristic(look, lot, question.metric, question.branch)
         tried = Tried(question.metric, question.branch, question.minimum, question.maximum, question.guard)
-        after = rules_of(look, lot, what, tried).after
+        _, before, after, _ = rules_of(look, lot, what, tried)
         check_limits(what.name, after.limit_min, after.limit_max)
-        rows = tried_runs(look, lot, what, after)
+        rows = tried_runs(look, lot, what, after, guard_now=before.guard_factor)
         sides = tried_sides(look, what, [one.run for one in rows if one.before != one.after])
     why = {one.run: (why_by_rule(what, sides[one.run], after, one.after),) for one in rows if one.run in sides}
     return [

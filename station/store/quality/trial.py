@@ -1,6 +1,10 @@
 """Verdicts of a lot under other limits or another decision rule, as the database finds them from value and U.
 
 The rules are those of `analysis.evaluation.verdict`, said in SQL: a test holds both against each other, run by run.
+
+An evaluation may know more than value and U: a gap, an interrupted ramp or a converted torque that a PASS would owe
+itself to. Where that left a metric not decidable whose value and U would have passed, no limit makes it a PASS here.
+`guard_now` is the guard band, as a multiple of U, by which the stored verdicts were made; None: the simple rule.
 """
 
 from __future__ import annotations
@@ -39,17 +43,21 @@ class Flip(NamedTuple):
     why: str = ""
 
 
-def flips(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> dict[tuple[str, str], int]:
+def flips(
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, *, guard_now: float | None
+) -> dict[tuple[str, str], int]:
     """Return how many valid first attempts there are of each verdict now and under the rule."""
-    runs = _runs(production, lot, what, rule)
+    runs = _runs(production, lot, what, rule, guard_now)
     asked = select(runs.c.before, runs.c.after, func.count()).group_by(runs.c.before, runs.c.after)
     found = {(before, NAMES[after]): number for before, after, number in production.connection.execute(asked)}
     return dict(sorted(found.items()))
 
 
-def flipped(production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int) -> list[Flip]:
+def flipped(
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, guard_now: float | None
+) -> list[Flip]:
     """Return the newest runs that flip, newest first."""
-    runs = _runs(production, lot, what, rule)
+    runs = _runs(production, lot, what, rule, guard_now)
     names = case(NAMES, value=runs.c.after)
     asked = select(runs.c.run, runs.c.serial, runs.c.before, names).where(runs.c.before != names)
     asked = asked.order_by(runs.c.run.desc()).limit(most)
@@ -66,9 +74,11 @@ class TriedRun(NamedTuple):
     after: str
 
 
-def tried_runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> list[TriedRun]:
+def tried_runs(
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, *, guard_now: float | None
+) -> list[TriedRun]:
     """Return every valid first attempt that has the metric, oldest first."""
-    runs = _runs(production, lot, what, rule)
+    runs = _runs(production, lot, what, rule, guard_now)
     together = (RUNS.c.chain == production.chain.id) & (RUNS.c.run == runs.c.run)
     columns = (
         runs.c.run,
@@ -103,11 +113,15 @@ def tried_sides(production: Production, what: Characteristic, runs: Sequence[str
     return found
 
 
-def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) -> Any:
+def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule, guard_now: float | None) -> Any:
     """Return a table of the runs that have the metric: their verdict, and the rank of the one under the rule."""
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
     this = METRICS.c.meaning.in_(numbers_of(what.meaning))
-    new = func.max(case((this, rank_under(rule)), else_=null()))
+    rank = rank_under(rule)
+    if rule.limit_min is not None or rule.limit_max is not None:
+        undecided = RANKS["NOT DECIDABLE"]
+        rank = case((and_(_is_doubted(guard_now), rank < undecided), literal(undecided)), else_=rank)
+    new = func.max(case((this, rank), else_=null()))
     others = func.max(case((and_(~this, METRICS.c.main), _rank_now()), else_=null()))
     oldest = production.oldest_of(lot, RUNS.c.valid, newest=lot.newest)
     together = (METRICS.c.chain == runs.c.chain) & (METRICS.c.run == runs.c.run)
@@ -128,6 +142,18 @@ def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule) ->
 
 def _rank_now() -> ColumnElement[Any]:
     return case(RANKS, value=METRICS.c.verdict)
+
+
+def _is_doubted(guard_now: float | None) -> ColumnElement[bool]:
+    """Whether a side was not decidable although value and U passed by the limits and the rule that it was judged by."""
+    here = METRICS.c
+    guard = literal(0.0) if guard_now is None else guard_now * here.uncertainty
+    within = [
+        or_(here.limit_min.is_(None), here.value - here.limit_min >= guard),
+        or_(here.limit_max.is_(None), here.limit_max - here.value >= guard),
+    ]
+    limited = or_(here.limit_min.is_not(None), here.limit_max.is_not(None))
+    return and_(here.verdict == "NOT DECIDABLE", limited, *within)
 
 
 def rank_under(rule: Rule) -> ColumnElement[Any]:

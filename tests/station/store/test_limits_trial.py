@@ -33,6 +33,8 @@ from station.store.quality.values import ValueRow, characteristic
 COUNT = 1000
 LOT = Lot(recipe="small")
 QUICK, SPRINGS = "rv-40e-121-quick", ("spring_constant three_region", "spring_constant")
+NOW: float | None = 0.82
+"""The guard band by which the verdicts of these runs were made, as a multiple of U."""
 
 
 @pytest.fixture(scope="module")
@@ -79,8 +81,8 @@ def test_flips_are_those_of_judging_each_run_alone(
     rule = RULES[name]
     with production(folder) as look:
         what = characteristic(look, LOT, metric_id)
-        counts, runs = flips(look, LOT, what, rule), flipped(look, LOT, what, rule, COUNT)
-        every = tried_runs(look, LOT, what, rule)
+        counts, runs = flips(look, LOT, what, rule, guard_now=NOW), flipped(look, LOT, what, rule, COUNT, guard_now=NOW)
+        every = tried_runs(look, LOT, what, rule, guard_now=NOW)
     expected: Counter[tuple[str, str]] = Counter()
     named = {}
     for run, result in results.items():
@@ -98,7 +100,7 @@ def test_a_flip_names_what_decides_it(folder: Path, results: dict[str, Result], 
     rule = RULES[name]
     with production(folder) as look:
         what = characteristic(look, LOT, "lost_motion")
-        found = flips_with_reasons(look, LOT, what, rule, COUNT)
+        found = flips_with_reasons(look, LOT, what, rule, COUNT, guard_now=NOW)
     words = {"FAIL": "is beyond", "NOT DECIDABLE": "is too near", "PASS": "is within"}
     for one in found:
         own = next(metric for metric in results[one.run].metrics if metric.id == "lost_motion")
@@ -118,8 +120,28 @@ def test_a_value_without_uncertainty_is_not_decidable_by_a_guard_band(tmp_path: 
         store_run(tmp_path, f"U{number}", [metric(0.5, uncertainty=u, sides={"+": side})], day=number)
     with production(tmp_path) as look:
         what = characteristic(look, Lot(), "lost_motion")
-        assert flips(look, Lot(), what, Rule(None, 1.0, 0.82)) == {("PASS", "PASS"): 1, ("PASS", "NOT DECIDABLE"): 1}
-        assert flips(look, Lot(), what, Rule(None, 1.0, None)) == {("PASS", "PASS"): 2}
+        assert flips(look, Lot(), what, Rule(None, 1.0, 0.82), guard_now=NOW) == {
+            ("PASS", "PASS"): 1,
+            ("PASS", "NOT DECIDABLE"): 1,
+        }
+        assert flips(look, Lot(), what, Rule(None, 1.0, None), guard_now=NOW) == {("PASS", "PASS"): 2}
+
+
+@pytest.mark.parametrize(
+    ("limit", "before", "after"), [(1.0, 0.82, "NOT DECIDABLE"), (0.505, 0.82, "PASS"), (0.505, None, "NOT DECIDABLE")]
+)
+def test_a_doubt_beyond_value_and_u_is_not_undone_by_a_limit(
+    limit: float, before: float | None, after: str, tmp_path: Path
+) -> None:
+    """0.5 ± 0.01 passes by a limit of 1.0, yet was not decidable; by 0.505 it does so by the simple rule only."""
+    side = {"value": 0.5, "uncertainty": 0.01, "verdict": "NOT DECIDABLE"}
+    one = metric(0.5, uncertainty=0.01, limits={"min": None, "max": limit}, verdict="NOT DECIDABLE", sides={"+": side})
+    store_run(tmp_path, "U1", [one], reasons=["lost_motion: it would pass by a gap alone"])
+    with production(tmp_path) as look:
+        what = characteristic(look, Lot(), "lost_motion")
+        assert list(flips(look, Lot(), what, Rule(None, 1.2, 0.82), guard_now=before)) == [("NOT DECIDABLE", after)]
+        assert list(flips(look, Lot(), what, Rule(None, 0.4, 0.82), guard_now=before)) == [("NOT DECIDABLE", "FAIL")]
+        assert list(flips(look, Lot(), what, Rule(None, None, None), guard_now=before)) == [("NOT DECIDABLE", "PASS")]
 
 
 def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None:

@@ -441,8 +441,12 @@ def test_quality_figures_are_formed_on_both_databases(lot: Path) -> None:
         with pytest.raises(AnalysisError, match="found 1"):
             trend_of(look, asked, "lost_motion", "bench")
         what = characteristic(look, asked, "lost_motion")
-        assert flips(look, asked, what, Rule(None, 0.4, None)) == {
+        assert flips(look, asked, what, Rule(None, 0.4, None), guard_now=None) == {
             ("PASS", "FAIL"): 2, ("PASS", "NOT DECIDABLE"): 1, ("PASS", "PASS"): 4,
         }  # fmt: skip
-        assert [one.serial for one in flipped(look, asked, what, Rule(None, 0.4, None), 9)] == ["U7", "U3", "U1"]
+        assert [one.serial for one in flipped(look, asked, what, Rule(None, 0.4, None), 9, guard_now=None)] == [
+            "U7",
+            "U3",
+            "U1",
+        ]
         assert len(dfq_of_lot(look, asked, "a test").content) > 500

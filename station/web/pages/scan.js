@@ -2,9 +2,9 @@
 // It is taken wherever the focus is. A key that gives no character by itself (a dead key of another layout) leaves a
 // mark in its place: what is lost must not make another serial number. So does every key while Caps Lock is on.
 (() => {
-  const FASTEST_MS = 50, PAUSE_MS = 1000, LEAST = 4, PREFIX = "]", LOST = "\ufffd", NO_CHARACTER = ["Dead", "Process", "Unidentified"];
+  const FASTEST_MS = 50, PAUSE_MS = 1000, LEAST = 4, SHORT = /^NOK$/i, PREFIX = "]", LOST = "\ufffd", NO_CHARACTER = ["Dead", "Process", "Unidentified"];
   let text = "", first = 0, last = 0, caps = false;
-  const isScan = () => text.length >= LEAST
+  const isScan = () => (text.length >= LEAST || SHORT.test(text))
     && (text.startsWith(PREFIX) || (last - first) / (text.length - 1) <= FASTEST_MS);
   const tell = (scan) => window.emitEvent ? emitEvent("scan", scan) : document.dispatchEvent(new CustomEvent("scan", { detail: scan }));
   document.addEventListener("keydown", (event) => {

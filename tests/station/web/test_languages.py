@@ -23,7 +23,19 @@ from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
 from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
-from station.web.pages import frame, jog, loop_figure, maintenance, operator, people, results, run, run_text, words
+from station.web.pages import (
+    frame,
+    jog,
+    loop_figure,
+    maintenance,
+    operator,
+    operator_text,
+    people,
+    results,
+    run,
+    run_text,
+    words,
+)
 from station.web.pages.operator import enter_page
 from station.web.pages.words import Shown, attempts_said, reason_said
 from station.web.people.accounts import ROLES, chosen_language
@@ -66,9 +78,11 @@ def of_a_jog() -> list[Fault]:
 
 
 TEXTS = [
-    *shown(), *said(operator), *said(results), *said(frame), *(one["headerName"] for one in results.COLUMNS),
+    *shown(), *said(operator), *said(operator_text), *said(results), *said(frame),
+    *(one["headerName"] for one in results.COLUMNS),
     *(name.capitalize() for name in frame.PAGES), *ROLES, *operator.RETEST_REASONS, operator.PUT_AWAY,
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
+    operator.CONFIRMED_BY, operator.SCAN_NEXT, operator.SCAN_AGAIN, operator.NO_BAD_UNIT,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
     *said(run), *said(run_text), *said(loop_figure), *run.FILE_WORDS.values(), run_text.RESTORE, *CLOCK_TEXTS.values(),

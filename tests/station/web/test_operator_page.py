@@ -14,6 +14,7 @@ from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
 
 from station.web.pages.frame import PAGES, SESSION_EVERY_S
+from station.web.pages.operator import NO_BAD_UNIT, SCAN_NEXT
 from station.web.people.badges import assign_badge
 from station.web.people.database import StationDatabase
 from station.web.scanner_test import AS_GERMAN
@@ -112,16 +113,37 @@ def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_nex
     assert shown(page, "FAIL") == "FAIL"
     assert page.locator(".lm-tile svg rect").count() == 1
     assert "NOK box" in page.inner_text(".lm-do")
+    assert page.locator(".lm-nok:visible").count() == 1, "whoever scans no other unit confirms it too"
     scan(page, "BAD-1")
-    page.click("text=The bad unit is in the NOK box")
+    page.wait_for_selector(".lm-refused:visible")
+    page.click(".lm-nok")
+    page.wait_for_selector(".lm-refused:visible >> text=Scan unit BAD-1 again")
+    page.wait_for_selector(".lm-tile.lm-put-away .lm-confirmed")
+    assert shown(page, "FAIL"), "nothing starts by the confirmation alone"
+    scan(page, "BAD-1")
     page.click("text=seating of the unit")
     shown(page, "STARTING", "TESTING")
     assert shown(page, "FAIL") == "FAIL"
     assert "attempt 2" in page.inner_text(".lm-serial")
+
+
+def test_a_bad_unit_is_put_away_by_the_code_on_the_box_and_the_page_says_by_whom(page: playwright.Page) -> None:
+    page.wait_for_selector(".lm-nok:visible")
+    page.evaluate(FAST, "nok")
+    page.wait_for_selector(".lm-tile.lm-put-away")
+    page.wait_for_selector(".lm-nok", state="hidden")
+    for _ in range(2):
+        assert "the operator" in page.inner_text(".lm-confirmed")
+        assert page.inner_text(".lm-do") == SCAN_NEXT
+        page.reload()
+        page.wait_for_selector(".lm-tile.lm-put-away .lm-confirmed")
+    page.evaluate(FAST, "NOK")
+    refused(page, NO_BAD_UNIT)
+    assert shown(page, "FAIL"), "a bad unit was confirmed, and nothing was started"
     scan(page, "SN-3")
-    page.click("text=The bad unit is in the NOK box")
     shown(page, "STARTING", "TESTING")
     shown(page, "PASS")
+    assert page.locator(".lm-put-away, .lm-confirmed, .lm-nok:visible").count() == 0
 
 
 def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: playwright.Page) -> None:

@@ -29,7 +29,7 @@ from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.languages import ENGLISH, words_of
 from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
-from station.web.pages.operator import metrics_table
+from station.web.pages.operator_text import metrics_table
 from station.web.pages.quality_figures import Options
 from station.web.pages.recipes.diff import diff_html
 from station.web.pages.words import NOT_BELIEVED, VERDICTS, local

@@ -55,6 +55,8 @@ CONFIRMED_BY = "The bad unit is in the NOK box: confirmed by {name}, {at}."
 SCAN_NEXT = "Scan the next unit."
 SCAN_AGAIN = "The bad unit is in the NOK box. Scan unit {serial} again."
 NO_BAD_UNIT = "No bad unit waits for the NOK box."
+NOT_TAKEN = "Not taken: {scanned}"
+TYPED = "This was typed by hand, or is too short for a code. A unit starts only by its scan: scan the unit."
 LABEL_READ = "The label of unit {serial} is on it. Scan the next unit."
 LABEL_FIRST = "Put the label on the unit and scan it."
 PRINT_AGAIN = "Print the label again"
@@ -150,6 +152,7 @@ class _Page:
                 chart = ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
                 self._loop = GrowingLoop(chart)
         ui.on("scan", self._scanned)
+        ui.on("typed", self._typed)
         ui.timer(SHORTEST_S, self._look)  # the look that it waits for keeps the time
 
     async def _look(self) -> None:
@@ -199,7 +202,7 @@ class _Page:
             to_do = SCAN_NEXT
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         recipe = now.recipe if now.stage == IS_RUNNING else ""
-        about = "  ".join(part for part in (now.serial, attempts_said(now.attempt, self._words), recipe) if part)
+        about = " · ".join(part for part in (now.serial, attempts_said(now.attempt, self._words), recipe) if part)
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
@@ -268,8 +271,11 @@ class _Page:
         self._refused.set_visibility(bool(refused))
         names = {one.id for one in refused}
         with self._refused:
+            if refused and scanned:
+                ui.label(self._words(NOT_TAKEN, scanned=named(scanned))).classes("lm-scanned")
             for one in refused:
                 ui.label(self._words(one.text))
+        with self._refused, ui.element("div").classes("lm-answers"):
             if "bad_unit_put_away" in names:
                 self._waits = named(scanned)
                 if not self._nok.visible:  # the run that this page shows is another one
@@ -277,14 +283,26 @@ class _Page:
             elif "label_read" in names:
                 # One key: whoever clicks twice asks once.
                 label, key = self._refused_for, secrets.token_hex(16)
-                ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned, label, key)).classes(
-                    "lm-button"
-                )
+                again = ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned, label, key))
+                again.classes("lm-button")
             elif "retest_reason" in names:
                 for reason in RETEST_REASONS:
-                    ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why)).classes(
-                        "lm-button"
-                    )
+                    why = ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why))
+                    why.classes("lm-button lm-reason")
+            if refused:
+                ui.button(self._words("Cancel"), on_click=self._cancel).classes("lm-button lm-second lm-cancel")
+
+    def _cancel(self) -> None:
+        """Leave the unit alone whose scan was refused."""
+        self._waits = ""
+        self._refused.clear()
+        self._refused.set_visibility(False)
+
+    def _typed(self, event: Any) -> None:
+        """Say that what came is no scan; what already stands there about one goes."""
+        text = str(event.args)[:60]
+        if not self._station.settings.is_badge(text):  # half of a log-in: it stands on no screen
+            self._say(Answer(BAD_INPUT, refusal("scan", TYPED)), text)
 
     def _tell(self, text: str, **values: object) -> None:
         """Show what a scan that starts no run has done."""

@@ -52,6 +52,8 @@ def verdict_text(one: StoredRun) -> str:
     return f"{SHAPES.get(one.verdict or '', NO_VERDICT)} {one.verdict or 'NO VERDICT'}"
 
 
+MEASURED_AGAIN = "measured again: "
+
 LIMIT_REASON = re.compile(r"(?P<found>.+) is (?P<where>above|below) the limit of (?P<limit>.+?): (?P<meaning>.+)")
 """The reason of a metric out of its limits, as the evaluation writes it."""
 
@@ -66,6 +68,8 @@ def attempts_said(text: str, say: Words) -> str:
 
 def _attempt_said(part: str, say: Words) -> str:
     found = ATTEMPT.fullmatch(part)
+    if found is None and part.startswith(MEASURED_AGAIN):
+        return say("measured again: {reason}", reason=say(part.removeprefix(MEASURED_AGAIN)))
     if found is None:
         return say(part)
     said = say("attempt {number}", number=found["number"])

@@ -83,6 +83,7 @@ TEXTS = [
     *(name.capitalize() for name in frame.PAGES), *ROLES, *operator.RETEST_REASONS, operator.PUT_AWAY,
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CONFIRMED_BY, operator.SCAN_NEXT, operator.SCAN_AGAIN, operator.NO_BAD_UNIT,
+    operator.NOT_TAKEN, operator.TYPED,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
     *said(run), *said(run_text), *said(loop_figure), *run.FILE_WORDS.values(), run_text.RESTORE, *CLOCK_TEXTS.values(),
@@ -198,6 +199,8 @@ def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_i
         "Versuch 4; Versuch 1 NICHT IN ORDNUNG Backlash, Lost motion; Versuch 2 abgebrochen; "
         "Versuch 3 nicht abgeschlossen; erneut geprüft: seating; loose"
     )
+    own = operator.RETEST_REASONS[0]
+    assert attempts_said(f"attempt 2; measured again: {own}", words_of("de")).endswith(words_of("de")(own))
     for outcome in words.OUTCOMES:
         assert attempts_said(f"attempt 1 {outcome}", words_of("zh")) != f"attempt 1 {outcome}"
         assert outcome not in attempts_said(f"attempt 1 {outcome}", words_of("zh"))

@@ -180,6 +180,7 @@ class _Page:
         what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited, self._bad)
         if view is not None and now.stage == IS_RUNNING:
             torque, windup = signed(view.torque_nm, 1), signed(view.windup_arcmin, 3)
+            torque, windup = map(self._words.number, (torque, windup))
             figures = (("torque", f"{torque} N·m"), ("wind-up", f"{windup} ′"), ("time left", left))
             self._figures.set_content(
                 "".join(f"<div><span>{escape(self._words(name))}</span>{text}</div>" for name, text in figures)
@@ -290,7 +291,9 @@ class _Page:
                     why = ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why))
                     why.classes("lm-button lm-reason")
             if refused:
-                ui.button(self._words("Cancel"), on_click=self._cancel).classes("lm-button lm-second lm-cancel")
+                ui.button(self._words("Cancel"), on_click=self._cancel, color=None).classes(
+                    "lm-button lm-second lm-cancel"
+                )
 
     def _cancel(self) -> None:
         """Leave the unit alone whose scan was refused."""
@@ -348,11 +351,12 @@ class _Page:
 
 def _chart_options(say: Words) -> Options:
     ink = "#23282b"
+    sign = say.number("0.0").strip("0")
     axis = {
         "type": "value",
         "nameLocation": "middle",
         "nameTextStyle": {"fontSize": 18, "color": ink},
-        "axisLabel": {"fontSize": 15, "color": ink},
+        "axisLabel": {"fontSize": 15, "color": ink, ":formatter": f"value => String(value).replace('.', '{sign}')"},
         "splitLine": {"lineStyle": {"color": "#c2c7ca"}},
     }
     return {

@@ -121,6 +121,16 @@ def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_nex
     scan(page, "BAD-1")
     page.wait_for_selector(".lm-refused:visible")
     assert "BAD-1" in page.inner_text(".lm-scanned")
+    for language in ("Deutsch", "English"):
+        page.click(f"text={language}")
+        page.wait_for_selector(".lm-nok:visible")
+        scan(page, "BAD-1")
+        page.wait_for_selector(".lm-cancel:visible")
+        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), language
+        for one in (".lm-nok", ".lm-cancel"):
+            box = page.locator(one).bounding_box()
+            assert box["y"] + box["height"] <= page.viewport_size["height"], f"{language} {one}"
+    page.wait_for_selector(".lm-refused:visible >> text=Not taken")
     page.click(".lm-nok")
     page.wait_for_selector(".lm-refused:visible >> text=Scan unit BAD-1 again")
     page.wait_for_selector(".lm-tile.lm-put-away .lm-confirmed")

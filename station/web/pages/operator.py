@@ -27,7 +27,7 @@ from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page,
 from station.web.pages.live import GrowingLoop, Looks
 from station.web.pages.operator_text import named, shown_of, why_text
 from station.web.pages.quality_figures import Options
-from station.web.pages.words import VERDICTS, attempts_said, local
+from station.web.pages.words import VERDICTS, attempts_said, local, refusal_said
 from station.web.people.accounts import Session, session_of
 from station.web.running import ENDED
 from station.web.running import RUNNING as IS_RUNNING
@@ -275,7 +275,7 @@ class _Page:
             if refused and scanned:
                 ui.label(self._words(NOT_TAKEN, scanned=named(scanned))).classes("lm-scanned")
             for one in refused:
-                ui.label(self._words(one.text))
+                ui.label(refusal_said(one.text, self._words))
         with self._refused, ui.element("div").classes("lm-answers"):
             if "bad_unit_put_away" in names:
                 self._waits = named(scanned)

@@ -37,7 +37,7 @@ from station.web.pages import (
     words,
 )
 from station.web.pages.operator import enter_page
-from station.web.pages.words import Shown, attempts_said, reason_said
+from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
@@ -204,6 +204,25 @@ def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_i
     for outcome in words.OUTCOMES:
         assert attempts_said(f"attempt 1 {outcome}", words_of("zh")) != f"attempt 1 {outcome}"
         assert outcome not in attempts_said(f"attempt 1 {outcome}", words_of("zh"))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_the_attempts_in_a_refused_retest_are_said_in_each_language(
+    allowed: Situation, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    for name in ("retest_reason", "attempts_left"):
+        ((_, why),) = refusals(cases(allowed, monkeypatch)[name])
+        said = refusal_said(why, words_of(language))
+        assert "attempt" in why
+        assert not re.search("attempt|FAIL|measured", said), said
+        assert refusal_said(why, words_of(ENGLISH)) == why
+
+
+def test_one_thing_has_one_name_in_a_catalogue_and_figures_have_the_sign_of_the_language() -> None:
+    for language, others in (("de", "Abtrieb|Verdrehung"), ("zh", "转矩")):
+        assert [text for text in messages(language).values() if re.search(others, text)] == []
+    assert words_of("de").number("-1.25 N·m, ≥ 95") == "-1,25 N·m, ≥ 95"
+    assert [words_of(one).number("1.25") for one in ("en", "zh")] == ["1.25", "1.25"]
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from typing import NamedTuple
 
 from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
@@ -48,22 +49,39 @@ CAUSES = {"failed": "Metric that failed", "undecided": "No verdict", "alarms": "
 """Causes by their name in the figure, and what stands above them."""
 
 
+class Asked(NamedTuple):
+    """What the address of the page names: a lot, and limits that are tried on it at once."""
+
+    recipe: str = ""
+    virtual: bool = False
+    metric: str = ""
+    low: str = ""
+    high: str = ""
+
+
 def add_quality_page(station: Station) -> None:
     """Add the page to the running application."""
 
     @ui.page("/quality", title="lostmotion: quality", response_timeout=LONGEST_BUILD_S)
-    async def quality(request: Request) -> Response | None:
+    async def quality(  # noqa: PLR0917 - what the address may name
+        request: Request,
+        recipe: str = "",
+        virtual: bool = False,  # noqa: FBT001, FBT002 - as above
+        metric: str = "",
+        min: str = "",  # noqa: A002 - as above
+        max: str = "",  # noqa: A002 - as above
+    ) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        await _Quality(station, session).build()
+        await _Quality(station, session, Asked(recipe, virtual, metric, min, max)).build()
         return None
 
 
 class _Quality:
     """One open page: the lot that is chosen, and what is shown of it."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, asked: Asked) -> None:
+        self._station, self._session, self._asked = station, session, asked
         self._filling = False
         self._behind = ""
         self._bench = BenchTab(station, lambda: bool(self._virtual.value))
@@ -136,15 +154,19 @@ class _Quality:
         if found is None:
             return
         self._filling = True
-        self._recipe.set_options(list(found.recipes), value=found.recipes[-1] if found.recipes else None)
+        asked = self._asked
+        chosen = asked.recipe if asked.recipe in found.recipes else (found.recipes or (None,))[-1]
+        self._recipe.set_options(list(found.recipes), value=chosen)
         self._model.set_options({"": "any"} | {name: name for name in found.models})
-        self._virtual.set_value(not found.real)
+        self._virtual.set_value(asked.virtual if asked.recipe else not found.real)
         self._filling = False
         self._bench.set_parts(found.parts)
         if found.behind:
             left = counted(found.behind, "run")
             self._behind = f"Not in the store yet: {left}. The store is catching up: look again soon."
         await self._again()
+        if asked.metric:
+            await self._trial.try_asked(asked.metric, asked.low, asked.high)
         await self._bench.show_due()
         await self._bench.show_part()
 

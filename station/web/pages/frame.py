@@ -17,7 +17,7 @@ from station.web.actions.perform import perform
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.languages import COOKIE as LANGUAGE_COOKIE
-from station.web.languages import ENGLISH, LANGUAGES, Words, words_of
+from station.web.languages import LANGUAGES, Words, words_of
 from station.web.people.accounts import COOKIE, Session, chosen_language, session_of
 from station.web.station import Station
 
@@ -34,6 +34,9 @@ PAGES = {
     "people": "/people",
 }
 """The pages by their names in the bar."""
+
+IN_ENGLISH = 'lang="en"'
+"""Property of the part of a page that is English whatever the person's language is, for a screen reader."""
 
 ACTION_EVENT = "action"
 """Event of a page's socket that asks for an action: its id, its values and, of who may ask again, its key."""
@@ -109,12 +112,8 @@ def words_for(station: Station, session: Session | None, request: Request) -> Wo
     return words_of(chosen or request.cookies.get(LANGUAGE_COOKIE) or station.settings.language)
 
 
-def bar(station: Station, session: Session, here: str, words: Words | None = None) -> ui.label:
-    """Build the bar, and return the label in its middle, for a clock; here: a name of `PAGES`.
-
-    words: of a page that is there in every language, which can be chosen on it; without them it is English.
-    """
-    say = words_of(ENGLISH) if words is None else words
+def bar(station: Station, session: Session, here: str, say: Words) -> ui.label:
+    """Build the bar in the person's language, and return the label in its middle, for a clock; here: of `PAGES`."""
     _hear_actions(station, session)
     ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
     ui.colors(primary=BUSY)  # what Quasar takes for its labels cannot be read on grey
@@ -129,8 +128,7 @@ def bar(station: Station, session: Session, here: str, words: Words | None = Non
                     link.props('aria-current="page"')
         middle = ui.label()
         with ui.element("div").classes("lm-nav"):
-            if words is not None:
-                _languages(station, session, say)
+            _languages(station, session, say)
             ui.label(f"{session.person.name} ({say(session.person.role)})")
     return middle
 

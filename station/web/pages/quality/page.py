@@ -12,7 +12,16 @@ from nicegui import ui
 from analysis.line.run_rules import RULE_SETS
 from station.counted import counted
 from station.store.quality.lot import Lot
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    IN_ENGLISH,
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    bar,
+    session_of_page,
+    still_open,
+    words_for,
+)
 from station.web.pages.quality.batch import BatchCard
 from station.web.pages.quality.bench import BenchTab
 from station.web.pages.quality.made import choices, page_capability, page_causes, page_chart, page_trend, page_yield
@@ -73,15 +82,16 @@ def add_quality_page(station: Station) -> None:
     ) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        await _Quality(station, session, Asked(recipe, virtual, metric, min, max)).build()
+        asked = Asked(recipe, virtual, metric, min, max)
+        await _Quality(station, session, asked, words_for(station, session, request)).build()
         return None
 
 
 class _Quality:
     """One open page: the lot that is chosen, and what is shown of it."""
 
-    def __init__(self, station: Station, session: Session, asked: Asked) -> None:
-        self._station, self._session, self._asked = station, session, asked
+    def __init__(self, station: Station, session: Session, asked: Asked, say: Words) -> None:
+        self._station, self._session, self._asked, self._words = station, session, asked, say
         self._filling = False
         self._behind = ""
         self._bench = BenchTab(station, lambda: bool(self._virtual.value))
@@ -91,9 +101,9 @@ class _Quality:
     async def build(self) -> None:
         """Lay the page out; the figures come one after another."""
         ui.colors(primary=LINE)
-        bar(self._station, self._session, "quality")
+        bar(self._station, self._session, "quality", self._words)
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
-        with ui.element("main").classes("lm-page lm-quality"):
+        with ui.element("main").classes("lm-page lm-quality").props(IN_ENGLISH):
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
                 lot = ui.tab("Production")
                 bench = ui.tab("Can this bench measure?")

@@ -26,7 +26,8 @@ from station.run.screen.progress import clock
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
-from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import IN_ENGLISH, SESSION_EVERY_S, act, bar, session_of_page, still_open, words_for
 from station.web.pages.quality.made import page_text_trial
 from station.web.pages.quality.parts import made_beside
 from station.web.pages.quality_figures import Options
@@ -67,7 +68,8 @@ def add_editor(station: Station) -> None:
             return HTMLResponse(escape(str(error)), 409)
         if found is None or text is None:
             return HTMLResponse("There is no such revision.", 404)
-        await _Editor(station, session, history, found, text.decode()).build(as_new=bool(new))
+        say = words_for(station, session, request)
+        await _Editor(station, session, history, found, text.decode()).build(say, as_new=bool(new))
         return None
 
 
@@ -86,8 +88,8 @@ class _Editor:
         self._asks_again = True
         self._told: tuple[Revision | None, bool, bool] | None = None
 
-    async def build(self, *, as_new: bool) -> None:
-        """Lay the page out; as_new: the text becomes the draft of the next revision."""
+    async def build(self, say: Words, *, as_new: bool) -> None:
+        """Lay the page out; say: the words of its bar; as_new: the text becomes the draft of the next revision."""
         assert self._found is not None  # noqa: S101 - the page was asked for by it
         opened = self._found
         if as_new and opened.state is State.RELEASED:
@@ -95,8 +97,8 @@ class _Editor:
             self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
             self._found = None
         ui.colors(primary=LINE_INK)
-        bar(self._station, self._session, "recipes")
-        with ui.element("main").classes("lm-page"):
+        bar(self._station, self._session, "recipes", say)
+        with ui.element("main").classes("lm-page").props(IN_ENGLISH):
             self._head = ui.element("div").classes("lm-recipe-head")
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
             self._refused.set_visibility(False)

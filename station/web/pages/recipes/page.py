@@ -18,7 +18,17 @@ from station.records.revisions.history import History
 from station.records.revisions.revision import Revision, State
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
-from station.web.pages.frame import SESSION_EVERY_S, Column, act, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    IN_ENGLISH,
+    SESSION_EVERY_S,
+    Column,
+    act,
+    bar,
+    session_of_page,
+    still_open,
+    words_for,
+)
 from station.web.pages.recipes.editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
@@ -51,21 +61,21 @@ def add_recipe_pages(station: Station) -> None:
     async def recipes(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        await _Recipes(station, session).build()
+        await _Recipes(station, session, words_for(station, session, request)).build()
         return None
 
 
 class _Recipes:
     """One open page."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
 
     async def build(self) -> None:
         """Lay the page out, and show every revision."""
         ui.colors(primary=LINE_INK)
-        bar(self._station, self._session, "recipes")
-        with ui.element("main").classes("lm-page"):
+        bar(self._station, self._session, "recipes", self._words)
+        with ui.element("main").classes("lm-page").props(IN_ENGLISH):
             self._said = ui.label().classes("lm-bypasses").props('role="alert"')
             self._said.set_visibility(False)
             if self._session.person.role in ACTIONS["save_recipe"].roles:

@@ -67,6 +67,14 @@ FORGET_MARKS = "setInterval(() => { performance.clearMarks(); performance.clearM
 """The style sheets' script, Tailwind, marks the time of each of its looks at the page, and a browser keeps every mark:
 a page that changes ten times a second would grow by megabytes an hour."""
 
+KEEP_SEARCH = (
+    "document.addEventListener('click', event => {"
+    " const link = event.target.closest('.lm-bar a[href^=\"/results\"]');"
+    " if (link && location.pathname !== '/results') link.search = sessionStorage.getItem('results') || '';"
+    "}, true)"
+)
+"""The bar leads back to what was looked for on the page of results; on that page itself it leads to all runs."""
+
 LONGEST_PAUSE_MS = 1000
 """How long a page waits at most before it tries again to reach a server that is away."""
 
@@ -120,6 +128,7 @@ def bar(station: Station, session: Session, here: str, say: Words) -> ui.label:
     ui.run_javascript(f"document.documentElement.lang = {say.language!r}")
     ui.run_javascript(FORGET_MARKS)
     ui.run_javascript(f"window.socket.io.reconnectionDelayMax({LONGEST_PAUSE_MS})")
+    ui.run_javascript(KEEP_SEARCH)
     with ui.element("header").classes("lm-bar"):
         with ui.element("nav").classes("lm-nav"):
             for name, address in PAGES.items():

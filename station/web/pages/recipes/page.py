@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable
 from functools import partial
 from html import escape
 from typing import TypedDict
@@ -44,8 +45,9 @@ COLUMNS: tuple[Column, ...] = (
         "field": "state",
         "headerName": "State",
         "width": 210,
-        "cellClassRules": {"lm-open": "!data.state.includes('released')"},
+        "cellClassRules": {"lm-open": "!data.state.includes('released')", "lm-waits": "data.waits"},
     },
+    {"field": "saved", "headerName": "Saved", "width": 190},
     {"field": "current", "headerName": "Current", "width": 120},
     {"field": "authors", "headerName": "Written by", "flex": 1, "minWidth": 180},
     {"field": "released", "headerName": "Released by", "flex": 1, "minWidth": 220},
@@ -100,7 +102,7 @@ class _Recipes:
         except StationError as error:
             self._tell(str(error))
             return
-        self._grid.options["rowData"] = [row_of(history, one) for one in history.all()]
+        self._grid.options["rowData"] = [row_of(history, one) for one in waiting_first(history.all())]
         self._grid.update()
         if history.problems:
             self._tell(" ".join(history.problems[:3]))
@@ -129,10 +131,17 @@ class RevisionRow(TypedDict):
     name: str
     revision: int
     state: str
+    waits: bool
+    saved: str
     current: str
     authors: str
     released: str
     links: str
+
+
+def waiting_first(revisions: Iterable[Revision]) -> list[Revision]:
+    """Return revisions with those first that wait for somebody to release them; the others stay in their order."""
+    return sorted(revisions, key=lambda one: one.state is not State.ASKED)
 
 
 def row_of(history: History, one: Revision) -> RevisionRow:
@@ -145,6 +154,8 @@ def row_of(history: History, one: Revision) -> RevisionRow:
         "name": one.name,
         "revision": one.revision,
         "state": STATES[one.state],
+        "waits": one.state is State.ASKED,
+        "saved": local(one.saved) if one.saved else "",
         "current": "yes" if history.newest_released(one.name) == one else "",
         "authors": ", ".join(one.authors),
         "released": released if one.state is State.RELEASED else "",

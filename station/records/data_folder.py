@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Sequence
+import shutil
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -83,6 +84,19 @@ def _moment_of(name: str) -> datetime | None:
         return None
 
 
+def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
+    """Write what is known of a run before it starts; where that fails nothing of it stays."""
+    try:
+        for name, content in files.items():
+            (record.folder / name).parent.mkdir(exist_ok=True)
+            record.write_bytes(name, content)
+        record.samples.touch()  # a run without this file has lost it
+        record.write_json(LAYOUT, CURRENT.as_json())
+    except (OSError, RecordError):
+        shutil.rmtree(record.folder, ignore_errors=True)
+        raise
+
+
 class Store:
     """All runs below one folder."""
 
@@ -94,7 +108,8 @@ class Store:
     def create(self, serial: str, setup: Setup, files: dict[str, bytes], *, own: bool = False) -> RunRecord:
         """Create the folder of a new run with its manifest and the files that are known before it starts.
 
-        The run has its line in the chain before anybody can see it. With `own` this process owns it by then, until the
+        The run has all these files, and its line in the chain, before anybody can see it: a process that is killed on
+        the way leaves either no run, or one that can be concluded. With `own` this process owns it by then, until the
         lock is released or the process ends.
 
         Raises:
@@ -110,6 +125,7 @@ class Store:
                 record = self._new_folder(serial, [chain.newest_run, *names])
                 if own:
                     record.lock.take()
+                _lay_out(record, files)
                 manifest = Manifest(
                     id=record.id,
                     serial=serial,
@@ -146,11 +162,6 @@ class Store:
             raise RecordError(
                 f"{self.data}: the data folder cannot be written: {error.strerror}. Choose another folder with --data"
             ) from error
-        for name, content in files.items():
-            (record.folder / name).parent.mkdir(exist_ok=True)
-            record.write_bytes(name, content)
-        record.samples.touch()  # from here on a run without this file has lost it
-        record.write_json(LAYOUT, CURRENT.as_json())
         sync_folder(self.data)
         return record
 

@@ -289,8 +289,11 @@ def runs_problems(drill: Drill, shown: dict[str, set[str]]) -> tuple[list[str], 
             ends["killed before it had a record"] += early
             problems += [] if early else [f"LOST {unit.serial}: {unit.answer}, and no run"]
         for one in found:
-            sealed = json.loads((drill.data / one["id"] / "result.json").read_bytes())
-            verdict = sealed["verdict"]
+            result = drill.data / one["id"] / "result.json"
+            if not result.is_file():
+                problems.append(f"NOT CONCLUDED {unit.serial}: {one['id']} has no result")
+                continue
+            verdict = json.loads(result.read_bytes())["verdict"]
             ends[f"{one['state']}, {verdict}"] += 1
             right = VERDICTS[unit.serial.partition("-")[0]]
             if verdict not in (right, "NOT DECIDABLE", None) or (verdict == "PASS" and one["state"] != "complete"):

@@ -33,7 +33,7 @@ def whole(tmp_path: Path) -> dict[str, Any]:
     software = {"commit": "c", "changed": False, "files_sha256": "f", "decisions": 2, "dependencies": {"numpy": "2"}}
     found["software"] |= software | {"python": "3", "platform": "p", "host": "h", "user": "u"}
     found["recipe"] |= {"file": "r.yaml"}
-    found["bench"] |= {"file": "b.yaml", "public_key": "k"}
+    found["bench"] |= {"file": "b.yaml", "public_key": "k", "fixture": "f"}
     found["unit"] = found["unit"] | {"noise_seed": 1, "master": "PASS"}
     earlier = {"attempt": 1, "run": "r", "state": "complete", "verdict": "FAIL", "failed": ["Backlash"]}
     more |= {"study": {"name": "grr-1", "plan": "0", "step": 1, "steps": 8}}

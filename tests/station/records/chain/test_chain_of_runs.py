@@ -64,9 +64,13 @@ def killed(*_: Any) -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
-@pytest.mark.parametrize("step", range(1, 30))
+FILES = {"recipe.yaml": b"r\n", "bench.yaml": b"b\n", "profiles/drive.yaml": b"p\n"}
+
+
+@pytest.mark.parametrize("step", range(1, 50))
 def test_a_run_whose_process_is_killed_while_it_is_created_is_there_or_not(data: Path, step: int) -> None:
     """At each call that changes the disk; the next run finds it whole, and counts it when the chain does."""
+    before = {run.id for run in Store(data).runs()}
     pid = os.fork()
     if pid == 0:
         left = step
@@ -79,12 +83,14 @@ def test_a_run_whose_process_is_killed_while_it_is_created_is_there_or_not(data:
                 return killed() if left == 0 else honest(*args, **kwargs)
 
             setattr(os, name, call)
-        Store(data).create("A", SETUP, {})
+        Store(data).create("A", SETUP, FILES)
         os._exit(0)
     os.waitpid(pid, 0)
+    for run in (one for one in Store(data).runs() if one.id not in before):  # it can be concluded, so it has its files
+        assert {name for name in (*FILES, "samples.bin", "samples.json") if not run.has(name)} == set()
     assert {problem.kind for problem in verify_folder(data).problems} == set()
     counted = len([entry for entry in walk(Chain(data)).created.values() if entry.fields["serial"] == "A"])
-    again = Store(data).create("A", SETUP, {})
+    again = Store(data).create("A", SETUP, FILES)
     assert again.manifest().attempt == counted + 1
     assert {problem.kind for problem in verify_folder(data).problems} == set()
     assert not list(data.glob(f"*/{CREATED_MANIFEST}")) or counted == 2

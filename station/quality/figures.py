@@ -12,16 +12,20 @@ from analysis.line.groups import GroupsCompared, compare_groups
 from analysis.line.proportions import Cause, Proportion, pareto, proportion
 from analysis.line.run_rules import RunLength, average_run_length
 from analysis.trace.errors import AnalysisError
+from station.counted import counted
 from station.documents.result import Limits
 from station.errors import StationError
+from station.reports.result_text import limits_text, unit_text
 from station.store.quality.counts import LotYield, alarms, failures, first_verdicts, sum_of, undecided, yields
 from station.store.quality.lot import Lot, Production
 from station.store.quality.values import (
     Characteristic,
+    TestedBy,
     characteristic,
     characteristics,
     other_meanings,
     sums,
+    tested_by,
     values,
 )
 
@@ -91,7 +95,10 @@ def causes_of(production: Production, lot: Lot) -> CausesFigure:
 
 @dataclass(frozen=True, slots=True)
 class CapabilityRow:
-    """Capability of a metric over the side that judges; `why` says why there is none. others: the other sides' Ppk."""
+    """Capability of a metric over the side that judges; `why` says why there is none. others: the other sides' Ppk.
+
+    tested_by: by which limits the values were judged when they were measured; the indices are by those of `metric`.
+    """
 
     metric: Characteristic
     side: str
@@ -99,6 +106,13 @@ class CapabilityRow:
     others: tuple[tuple[str, float], ...] = ()
     other_meanings: int = 0
     why: str = ""
+    tested_by: tuple[TestedBy, ...] = ()
+
+    @property
+    def by_others(self) -> tuple[TestedBy, ...]:
+        """Return the limits by which values were judged that are not those of the indices."""
+        there = (self.metric.limit_min, self.metric.limit_max)
+        return tuple(one for one in self.tested_by if (one.limit_min, one.limit_max) != there)
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,10 +169,24 @@ def _capability_row(
             why = str(error)
     different = other_meanings(production, lot, what)
     if not sides:
-        return CapabilityRow(what, what.sides[0], None, (), different, why)
+        by = tested_by(production, lot, what, what.sides[0])
+        return CapabilityRow(what, what.sides[0], None, (), different, why, by)
     judging = min(sides, key=lambda side: sides[side].overall.nearest)
     others = tuple((side, one.overall.nearest) for side, one in sides.items() if side != judging)
-    return CapabilityRow(what, judging, sides[judging], others, different)
+    return CapabilityRow(
+        what, judging, sides[judging], others, different, tested_by=tested_by(production, lot, what, judging)
+    )
+
+
+def tested_by_others(row: CapabilityRow, name: str) -> list[str]:
+    """Return by which limits values of a metric were tested that its indices are not by; name: as it is called."""
+    of, unit, said = sum(one.number for one in row.tested_by), unit_text(row.metric.unit), list[str]()
+    for one in row.by_others:
+        limits = f"{limits_text(Limits(min=one.limit_min, max=one.limit_max))} {unit}".strip()
+        limits = "no limit" if one.limit_min is None and one.limit_max is None else limits
+        revisions = f" (recipe revision {', '.join(map(str, one.revisions))})" if one.revisions else ""
+        said.append(f"{name}: {one.number} of {counted(of, 'value')} were tested by {limits}{revisions}")
+    return said
 
 
 def judging_side(production: Production, lot: Lot, what: Characteristic, side: str | None) -> str:

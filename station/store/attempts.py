@@ -52,6 +52,15 @@ def attempts_told(connection: Connection, chain: Chain, trust: Trust, runs: Iter
     return told
 
 
+def not_passed(connection: Connection, chain: Chain, runs: Iterable[StoredRun]) -> dict[str, tuple[str, ...]]:
+    """Return of each run that failed, or is not decidable, the titles of the metrics that made it so, by run."""
+    found: dict[str, tuple[str, ...]] = {}
+    wanted = list(runs)
+    for verdict in ("FAIL", "NOT DECIDABLE"):
+        found |= _failed(connection, chain, [one.run for one in wanted if one.verdict == verdict], verdict)
+    return found
+
+
 def _before(connection: Connection, chain: Chain, again: list[StoredRun]) -> list[_Of]:
     """Return the attempts at the units of these runs, oldest first: those near before each, where the runs are few."""
     asked = select(ATTEMPTS.c.run, ATTEMPTS.c.serial, ATTEMPTS.c.attempt).where(ATTEMPTS.c.chain == chain.id)
@@ -79,14 +88,14 @@ def _ended(connection: Connection, chain: Chain, trust: Trust, before: list[_Of]
     return found
 
 
-def _failed(connection: Connection, chain: Chain, runs: list[str]) -> dict[str, tuple[str, ...]]:
-    """Return the titles of the metrics that failed, without what stands in brackets, by run."""
+def _failed(connection: Connection, chain: Chain, runs: list[str], verdict: str = "FAIL") -> dict[str, tuple[str, ...]]:
+    """Return the titles of the metrics that have a verdict, without what stands in brackets, by run."""
     found: dict[str, tuple[str, ...]] = {}
     for first in range(0, len(runs), MOST_NAMED):
         asked = select(METRICS.c.run, MEANINGS.c.metric).select_from(METRICS)
         asked = asked.join(MEANINGS, meaning_of_metrics()).where(
             METRICS.c.chain == chain.id, METRICS.c.run.in_(runs[first : first + MOST_NAMED]), METRICS.c.main,
-            METRICS.c.verdict == "FAIL",
+            METRICS.c.verdict == verdict,
         )  # fmt: skip
         for run, metric in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
             title = DEFINED[metric].title if metric in DEFINED else metric

@@ -13,7 +13,7 @@ from pathlib import Path
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.records.run_record import MANIFEST, RunRecord
-from station.store.attempts import attempts_told
+from station.store.attempts import attempts_told, not_passed
 from station.store.outbox import catch_up, put_runs
 from station.store.plant.removals import removals_now
 from station.store.projection import seen, seen_files
@@ -42,6 +42,8 @@ class Page:
     behind: int
     attempts: dict[str, str]
     """Which attempt each row is, and what became of those before, by its run."""
+    not_passed: dict[str, tuple[str, ...]]
+    """Titles of the metrics that failed, or left it not decidable, of each such row that is believed, by its run."""
 
 
 def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> Page:
@@ -71,11 +73,14 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
             rows = runs_named(connection, chain, named) if changed else rows
             rules = removals_now(connection, chain, trust, gone, behind) if gone else {}
             attempts = attempts_told(connection, chain, trust, rows.values())
+            why_not = not_passed(connection, chain, rows.values())
     finally:
         database.close()
     why = {run: REMOVED_BY.format(rules[run]) if run in rules else MISSING for run in gone}
     shown = [rows[run]._replace(altered=why[run]) if run in why else rows[run] for run in named if run in rows]
-    return Page(tuple(believed(one, chain, trust) for one in shown), total, recipes, models, behind, attempts)
+    told = tuple(believed(one, chain, trust) for one in shown)
+    why_not = {one.run: why_not[one.run] for one in told if one.verdict and one.run in why_not}
+    return Page(told, total, recipes, models, behind, attempts, why_not)
 
 
 def _seen_now(chain: Chain, run: str) -> tuple[str, str]:

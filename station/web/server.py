@@ -20,7 +20,7 @@ from station.web.labels.outbox import NOT_SET_UP, Printing, not_set_up
 from station.web.labels.settings import load_labels
 from station.web.mes.outbox import Sender
 from station.web.mes.settings import load_mes
-from station.web.models import load_models
+from station.web.models import ModelsFile, load_models
 from station.web.pages.certificates import add_certificates
 from station.web.pages.jog import add_jog
 from station.web.pages.maintenance import add_maintenance
@@ -69,6 +69,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
     """
     if (served.certificate is None) != (served.key is None):
         raise StationError("--certificate and --key belong together. Name both, or none")
+    models_file = ModelsFile(served.data, served.models)  # before it is read: a change while it is read is seen
     models, mes = load_models(served.data, served.models), load_mes(served.data)
     settings, labels, aqdef = load_settings(served.data), load_labels(served.data), load_aqdef(served.data)
     database = StationDatabase(served.data, serving=True)
@@ -84,7 +85,16 @@ def open_station(served: Served) -> tuple[Station, str | None]:
         database.close()
         raise
     station = Station(
-        served.data, database, models, Running(served.data), served.run_options, mes, settings, labels, aqdef
+        served.data,
+        database,
+        models,
+        Running(served.data),
+        served.run_options,
+        mes,
+        settings,
+        labels,
+        aqdef,
+        models_file=models_file,
     )
     return station, password
 

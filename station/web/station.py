@@ -12,7 +12,7 @@ from station.web.definition_trials import DefinitionTrials
 from station.web.evaluations import Evaluations
 from station.web.labels.settings import Labels
 from station.web.mes.settings import MesSettings
-from station.web.models import Models
+from station.web.models import Models, ModelsFile
 from station.web.people import audit
 from station.web.people.database import StationDatabase
 from station.web.recipe_text.dry_run import DryRuns
@@ -40,6 +40,8 @@ class Station:
     dry_runs: DryRuns = field(default_factory=DryRuns)
     evaluations: Evaluations = field(default_factory=Evaluations)
     """The process that makes reports and loops of stored runs."""
+    models_file: ModelsFile | None = None
+    """Where the table of models is read again when it has changed; None: it stays as it is."""
     trials: DefinitionTrials = field(default_factory=DefinitionTrials)
     """The definition that is on trial."""
     bench: BenchWatch = field(init=False)
@@ -57,6 +59,13 @@ class Station:
         with self.database.writing() as connection:
             told = {"why": "lost", "before": {"held": True}, "after": {"held": False}}
             audit.write(connection, name, "release_jog", audit.DONE, told)
+
+    def read_models(self) -> Models:
+        """Return the table of models as its file is now; StationError where that was changed and is wrong."""
+        found = None if self.models_file is None else self.models_file.changed()
+        if found is not None:
+            object.__setattr__(self, "models", found)
+        return self.models
 
     def close(self) -> None:
         """Close what is open of it; a run that is on goes on."""

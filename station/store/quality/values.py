@@ -215,6 +215,28 @@ def other_meanings(production: Production, lot: Lot, what: Characteristic) -> in
     return int(production.connection.execute(asked).scalar_one())
 
 
+class TestedBy(NamedTuple):
+    """How many values were judged by these limits when they were measured, and by which revisions of the recipe."""
+
+    limit_min: float | None
+    limit_max: float | None
+    number: int
+    revisions: tuple[int, ...]
+
+
+def tested_by(production: Production, lot: Lot, what: Characteristic, side: str) -> tuple[TestedBy, ...]:
+    """Return by which limits the values that `values` returns were judged when they were measured, commonest first."""
+    runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
+    by = (METRICS.c.limit_min, METRICS.c.limit_max, runs.c.revision)
+    asked = _of(select(*by, func.count()), runs, what, side).where(_in_reach(production, lot)).group_by(*by)
+    found: dict[tuple[float | None, float | None], TestedBy] = {}
+    for low, high, revision, number in production.connection.execute(asked).tuples():
+        there = found.get((low, high), TestedBy(low, high, 0, ()))
+        revisions = {*there.revisions, *(() if revision is None else (revision,))}
+        found[low, high] = TestedBy(low, high, there.number + number, tuple(sorted(revisions)))
+    return tuple(sorted(found.values(), key=lambda one: -one.number))
+
+
 def _of(asked: Select[Any], runs: Subquery, what: Characteristic, side: str) -> Select[Any]:
     asked = asked.select_from(runs).join(METRICS, _together(runs))
     asked = asked.where(METRICS.c.side == side, METRICS.c.value.is_not(None))

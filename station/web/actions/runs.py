@@ -62,7 +62,7 @@ def _situation(call: Call, given: Start) -> Situation:
     step = None if station.mes is None else previous_step(call.connection, station.mes, serial)
     wanted = Wanted(serial, given.retest_reason, given.study, call.operator or "")
     return situation_of(
-        station.data, station.models, wanted, busy=station.running.busy(),
+        station.data, station.read_models(), wanted, busy=station.running.busy(),
         confirmed=_confirmed(call.connection), previous_step=step,
         scanner_tested=is_tested(call.connection, station.settings.scanner_test), label=awaited_label(call),
     )  # fmt: skip

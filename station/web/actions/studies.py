@@ -21,7 +21,7 @@ def begin_study(call: Call, given: NewStudy) -> StudyTold:
 
     """
     parts = [serial_of(one) for one in given.parts]
-    model = call.station.models.of(parts[0])
+    model = call.station.read_models().of(parts[0])
     if model is None:
         raise NotNowError([("model_known", f"No model has serial numbers like '{parts[0]}'. Scan a label of a unit.")])
     asked = Asked(

@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 
 from recipes import RecipeError
 from station.bench.request import stored_job
-from station.documents.manifest import Manifest
+from station.documents.manifest import RECORDING, Manifest
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
@@ -26,6 +26,9 @@ from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
 
 HASH_DIGITS = 8
+
+IN_PROGRESS = "The newest run is in progress: it is compared when it has ended."
+"""What a run lacks that has not ended, as its timing, has not changed."""
 
 TARE_MOVED = 0.02
 """Share of the sensor's usual reading by which a zero may differ: of the larger of both zeroes, or `TARE_LEAST_NM`."""
@@ -89,6 +92,8 @@ def since_it_worked(data: Path) -> Since:
     if newest is None:
         return Since(why_none="No run was made yet.")
     manifest = newest.manifest()
+    if newest.state() == RECORDING:
+        return Since(why_none=IN_PROGRESS)
     good, closed, closed_in_all = _last_good(data, manifest.bench.name, newest.id, hour_of(manifest.started))
     if good is None:
         return Since(why_none=f"No run has passed on bench {manifest.bench.name} before.")
@@ -175,7 +180,13 @@ def _last(run: RunRecord, group: str, name: str) -> float | None:
 
 
 def changes_between(before: RunFacts, now: RunFacts) -> tuple[Change, ...]:
-    """Return what was looked at, what has changed first."""
+    """Return what was looked at, what has changed first; a run without a result has no timing that could have."""
+    timing = () if now.p99_us is None else (
+        _number("wake-up latency, 99 %", before.p99_us, now.p99_us, "µs", lambda old, new: new > TIMES_LATER * old),
+        _number("missed periods", before.missed, now.missed, "", lambda old, new: new > old),
+        _number("oldest sample", before.oldest_sample_scans, now.oldest_sample_scans, "scans",
+                lambda old, new: new > TIMES_LATER * old),
+    )  # fmt: skip
     rows = [
         _text("recipe", before.recipe, now.recipe),
         _text("bench file", before.bench, now.bench),
@@ -188,11 +199,8 @@ def changes_between(before: RunFacts, now: RunFacts) -> tuple[Change, ...]:
         _number("zero of the output torque", before.torque_out_zero_nm, now.torque_out_zero_nm, "N·m", _moved),
         _number("housing temperature", before.housing_c, now.housing_c, "°C", _warmer),
         _number("room temperature", before.room_c, now.room_c, "°C", _warmer),
-        _number("wake-up latency, 99 %", before.p99_us, now.p99_us, "µs", lambda old, new: new > TIMES_LATER * old),
-        _number("missed periods", before.missed, now.missed, "", lambda old, new: new > old),
-        _number("oldest sample", before.oldest_sample_scans, now.oldest_sample_scans, "scans",
-                lambda old, new: new > TIMES_LATER * old),
-    ]  # fmt: skip
+        *timing,
+    ]
     return tuple(sorted((row for row in rows if row.before or row.now), key=lambda row: not row.changed))
 
 

@@ -12,7 +12,16 @@ from nicegui import ui
 
 from station.errors import StationError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, attempts_of, check_code
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    IN_ENGLISH,
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    bar,
+    session_of_page,
+    still_open,
+    words_for,
+)
 from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, local
 from station.web.people.accounts import Session
 from station.web.station import Station
@@ -24,6 +33,11 @@ STANDINGS: dict[str, Shown] = {
 }
 """Style, shape, word and what to do, by what a code is."""
 
+WHAT_FOR = (
+    "A paper certificate of a unit carries a code, as a square and in letters. Enter it here to see whether this "
+    "station made the certificate, whether its record is as it was left, and what the paper has to say."
+)
+
 
 def add_certificates(station: Station) -> None:
     """Add the page to the running application."""
@@ -32,20 +46,21 @@ def add_certificates(station: Station) -> None:
     async def page(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        _Certificates(station, session).build()
+        _Certificates(station, session, words_for(station, session, request)).build()
         return None
 
 
 class _Certificates:
     """One open page: the code that was entered last, and what it is."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
 
     def build(self) -> None:
         """Lay the page out."""
-        bar(self._station, self._session, "certificates")
-        with ui.element("main").classes("lm-page lm-certificates"):
+        bar(self._station, self._session, "certificates", self._words)
+        with ui.element("main").classes("lm-page lm-certificates").props(IN_ENGLISH):
+            ui.label(WHAT_FOR).classes("lm-words lm-what-for")
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
                 self._code = ui.input("Code of the certificate: scan the square, or type it").classes("lm-code")
                 self._code.props("outlined dense clearable autofocus").on("keydown.enter", self._check)

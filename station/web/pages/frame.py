@@ -17,7 +17,7 @@ from station.web.actions.perform import perform
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.languages import COOKIE as LANGUAGE_COOKIE
-from station.web.languages import ENGLISH, LANGUAGES, Words, words_of
+from station.web.languages import LANGUAGES, Words, words_of
 from station.web.people.accounts import COOKIE, Session, chosen_language, session_of
 from station.web.station import Station
 
@@ -34,6 +34,9 @@ PAGES = {
     "people": "/people",
 }
 """The pages by their names in the bar."""
+
+IN_ENGLISH = 'lang="en"'
+"""Property of the part of a page that is English whatever the person's language is, for a screen reader."""
 
 ACTION_EVENT = "action"
 """Event of a page's socket that asks for an action: its id, its values and, of who may ask again, its key."""
@@ -63,6 +66,14 @@ LONGEST_BUILD_S = 15.0
 FORGET_MARKS = "setInterval(() => { performance.clearMarks(); performance.clearMeasures(); }, 10000)"
 """The style sheets' script, Tailwind, marks the time of each of its looks at the page, and a browser keeps every mark:
 a page that changes ten times a second would grow by megabytes an hour."""
+
+KEEP_SEARCH = (
+    "document.addEventListener('click', event => {"
+    " const link = event.target.closest('.lm-bar a[href^=\"/results\"]');"
+    " if (link && location.pathname !== '/results') link.search = sessionStorage.getItem('results') || '';"
+    "}, true)"
+)
+"""The bar leads back to what was looked for on the page of results; on that page itself it leads to all runs."""
 
 LONGEST_PAUSE_MS = 1000
 """How long a page waits at most before it tries again to reach a server that is away."""
@@ -109,18 +120,15 @@ def words_for(station: Station, session: Session | None, request: Request) -> Wo
     return words_of(chosen or request.cookies.get(LANGUAGE_COOKIE) or station.settings.language)
 
 
-def bar(station: Station, session: Session, here: str, words: Words | None = None) -> ui.label:
-    """Build the bar, and return the label in its middle, for a clock; here: a name of `PAGES`.
-
-    words: of a page that is there in every language, which can be chosen on it; without them it is English.
-    """
-    say = words_of(ENGLISH) if words is None else words
+def bar(station: Station, session: Session, here: str, say: Words) -> ui.label:
+    """Build the bar in the person's language, and return the label in its middle, for a clock; here: of `PAGES`."""
     _hear_actions(station, session)
     ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
     ui.colors(primary=BUSY)  # what Quasar takes for its labels cannot be read on grey
     ui.run_javascript(f"document.documentElement.lang = {say.language!r}")
     ui.run_javascript(FORGET_MARKS)
     ui.run_javascript(f"window.socket.io.reconnectionDelayMax({LONGEST_PAUSE_MS})")
+    ui.run_javascript(KEEP_SEARCH)
     with ui.element("header").classes("lm-bar"):
         with ui.element("nav").classes("lm-nav"):
             for name, address in PAGES.items():
@@ -129,8 +137,7 @@ def bar(station: Station, session: Session, here: str, words: Words | None = Non
                     link.props('aria-current="page"')
         middle = ui.label()
         with ui.element("div").classes("lm-nav"):
-            if words is not None:
-                _languages(station, session, say)
+            _languages(station, session, say)
             ui.label(f"{session.person.name} ({say(session.person.role)})")
     return middle
 

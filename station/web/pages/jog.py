@@ -48,7 +48,10 @@ RPM_PER_RAD_S = 30.0 / math.pi
 KEYS = {-1: "◀ Hold to turn −", 1: "Hold to turn + ▶"}
 TOLD: tuple[str, ...] = (
     "Keep clear of the shaft, and take tools off it. The guard is closed; the emergency stop is within reach.",
-    "Hold a key on this page. Then press the enabling device to its middle position: the shaft turns slowly.",
+    (
+        "Hold a key: one of the two large buttons of this page. Then press the enabling device to its middle position: "
+        "the shaft turns slowly."
+    ),
     "To stop, let go of either. To turn again, let go of the enabling device, hold a key, and press it anew.",
     "The key counts while it is held, on this page, in front. Another window or a lost connection lets it go.",
 )
@@ -123,7 +126,7 @@ class _Page:
             self._refused.set_visibility(False)
             with ui.element("div").classes("lm-keys"):
                 self._keys = [self._key(direction) for direction in KEYS]
-            with ui.element("section").classes("lm-card lm-begin"):
+            with ui.element("section").classes("lm-card lm-begin") as self._section:
                 models = [one.model for one in self._station.models.models]
                 self._model = ui.select(models, value=models[0], label=say("Unit on the bench")).props("outlined dense")
                 shares = {share: say(text) for share, text in SHARES.items()}
@@ -184,6 +187,7 @@ class _Page:
         self._model.set_visibility(self._may and not standing.on)
         self._speed.set_visibility(self._may and not standing.on)
         self._end.set_visibility(standing.on)
+        self._section.set_visibility(self._may or standing.on)  # else it holds nothing
         self._device.set_visibility(self._mine and standing.embedded)
         self._device.set_text(self._words(WORDS["LET_GO" if self._pressed else "PRESS"]))
         may_hold = self._mine and standing.program is not None

@@ -13,7 +13,14 @@ from definitions.metrics import METRICS
 from station.counted import counted
 from station.documents.result import Limits
 from station.quality.bench_ability import Due, PartFigure
-from station.quality.figures import CapabilityFigure, CapabilityRow, ChartFigure, TrendFigure, YieldFigure
+from station.quality.figures import (
+    CapabilityFigure,
+    CapabilityRow,
+    ChartFigure,
+    TrendFigure,
+    YieldFigure,
+    tested_by_others,
+)
 from station.reports.result_text import limits_text, minus, unit_text
 
 INK, QUIET, GRID_INK, BAD, LINE = "#23282b", "#5b646a", "#c2c7ca", "#b3201f", "#2f4a5e"
@@ -189,7 +196,16 @@ def capability_html(found: CapabilityFigure) -> str:
         ("Metric, side that judges", ""), ("Limit", "n"), ("n", "n"), ("Mean", "n"), ("Cp", "n"), ("Cpk (95 %)", "n"),
         ("Pp", "n"), ("Ppk (95 %)", "n")))  # fmt: skip
     ranked = sorted(found.rows, key=lambda row: -1.0 if row.found is None else row.found.overall.nearest)
-    return f'<table class="lm"><tr>{heads}</tr>{"".join(_capability_row(row) for row in ranked)}</table>'
+    table = f'<table class="lm"><tr>{heads}</tr>{"".join(_capability_row(row) for row in ranked)}</table>'
+    said = "".join(f'<li class="lm-other-limits">{escape(one)}</li>' for row in found.rows for one in _others(row))
+    return f'{table}<p class="lm-words">{JUDGED_BY}</p>{f"<ul>{said}</ul>" if said else ""}'
+
+
+JUDGED_BY = "All values are judged by the limits of the newest run, whichever limits they were tested by."
+
+
+def _others(row: CapabilityRow) -> list[str]:
+    return tested_by_others(row, title_of(row.metric.metric, row.metric.choices, row.side))
 
 
 def _capability_row(row: CapabilityRow) -> str:

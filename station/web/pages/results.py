@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import asyncio
+import json
+from collections.abc import Sequence
 from datetime import date
 from html import escape
-from typing import TypedDict
+from typing import NamedTuple, TypedDict
 from urllib.parse import quote, urlencode
 
 from fastapi import Request, Response
@@ -59,35 +61,72 @@ def add_results(station: Station) -> None:
     """Add the page to the running application."""
 
     @ui.page("/results", title="lostmotion: results", response_timeout=LONGEST_BUILD_S)
-    async def results(request: Request) -> Response | None:
+    async def results(  # noqa: PLR0917 - what is looked for is named in the address
+        request: Request,
+        serial: str = "",
+        model: str = "",
+        recipe: str = "",
+        verdict: str = "",
+        operator: str = "",
+        since: str = "",
+        until: str = "",
+        first: int = 0,
+    ) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        await _Results(station, session, words_for(station, session, request)).build()
+        asked = Asked(serial, model, recipe, verdict, operator, since, until, max(0, first))
+        await _Results(station, session, words_for(station, session, request), asked).build()
         return None
+
+
+class Asked(NamedTuple):
+    """What is looked for, as the address of the page names it: it is there again after Back and from the bar."""
+
+    serial: str = ""
+    model: str = ""
+    recipe: str = ""
+    verdict: str = ""
+    operator: str = ""
+    since: str = ""
+    until: str = ""
+    first: int = 0
+
+    @property
+    def query(self) -> str:
+        """Return it as the address has it, '' where nothing is looked for."""
+        fields = urlencode({name: value for name, value in self._asdict().items() if value})
+        return f"?{fields}" if fields else ""
 
 
 class _Results:
     """One open page: what is looked for, and which part of it is shown."""
 
-    def __init__(self, station: Station, session: Session, say: Words) -> None:
-        self._station, self._session, self._words = station, session, say
-        self._first = 0
+    def __init__(self, station: Station, session: Session, say: Words, asked: Asked) -> None:
+        self._station, self._session, self._words, self._asked = station, session, say, asked
+        self._first = asked.first
         self._searches = self._runs_behind = 0
 
     async def build(self) -> None:
         """Lay the page out, and show the newest runs."""
-        say = self._words
+        say, asked = self._words, self._asked
         bar(self._station, self._session, "results", say)
         with ui.element("main").classes("lm-page"):
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
-                self._serial = ui.input(say("Serial number begins with")).props("outlined dense clearable autofocus")
-                self._model = ui.select({"": say("any")}, value="", label=say("Model")).props("outlined dense")
-                self._recipe = ui.select({"": say("any")}, value="", label=say("Recipe")).props("outlined dense")
+                self._serial = ui.input(say("Serial number begins with"), value=asked.serial).props(
+                    "outlined dense clearable autofocus"
+                )
+                self._model = ui.select(any_or(asked.model, say), value=asked.model, label=say("Model")).props(
+                    "outlined dense"
+                )
+                self._recipe = ui.select(any_or(asked.recipe, say), value=asked.recipe, label=say("Recipe")).props(
+                    "outlined dense"
+                )
                 choices = {"": say("any")} | {one: say(one) for one in SHAPES}
-                self._verdict = ui.select(choices, value="", label=say("Verdict")).props("outlined dense")
-                self._operator = ui.input(say("Operator")).props("outlined dense clearable")
-                self._since = ui.input(say("From day")).props("outlined dense type=date stack-label")
-                self._until = ui.input(say("To day")).props("outlined dense type=date stack-label")
+                chosen = asked.verdict if asked.verdict in choices else ""
+                self._verdict = ui.select(choices, value=chosen, label=say("Verdict")).props("outlined dense")
+                self._operator = ui.input(say("Operator"), value=asked.operator).props("outlined dense clearable")
+                self._since = ui.input(say("From day"), value=asked.since).props("outlined dense type=date stack-label")
+                self._until = ui.input(say("To day"), value=asked.until).props("outlined dense type=date stack-label")
             for one in (
                 self._serial,
                 self._model,
@@ -137,6 +176,7 @@ class _Results:
         if not await still_open(self._station, self._session):
             return
         self._csv.props(f'href="{self._address_of_csv()}"')
+        self._keep_in_address()
         wanted = Wanted(
             begins=(self._serial.value or "").strip() or None,
             model=self._model.value or None,
@@ -157,6 +197,16 @@ class _Results:
         if number == self._searches:  # else something else is looked for by now
             self._show(page)
 
+    def _keep_in_address(self) -> None:
+        """Put what is looked for into the address, and keep it for the bar of the pages that are opened next."""
+        names = (self._serial, self._model, self._recipe, self._verdict, self._operator, self._since, self._until)
+        serial, model, recipe, verdict, operator, since, until = (str(one.value or "").strip() for one in names)
+        self._asked = Asked(serial, model, recipe, verdict, operator, since, until, self._first)
+        query = json.dumps(self._asked.query)
+        ui.run_javascript(
+            f"history.replaceState(history.state, '', '/results' + {query}); sessionStorage.setItem('results', {query})"
+        )
+
     def _address_of_csv(self) -> str:
         """Return where the runs that are looked for are one table."""
         asked = {
@@ -168,8 +218,8 @@ class _Results:
         return f"/api/runs.csv?{urlencode({name: value for name, value in asked.items() if value})}"
 
     def _show(self, page: Page) -> None:
-        self._recipe.set_options({"": self._words("any")} | {name: name for name in page.recipes})
-        self._model.set_options({"": self._words("any")} | {name: name for name in page.models})
+        for one, names in ((self._recipe, page.recipes), (self._model, page.models)):
+            one.set_options(any_or(one.value or "", self._words) | {name: name for name in names})
         self._behind.set_text(self._words(f"{page.behind} runs are not in the search yet. They are being added."))
         self._behind.set_visibility(page.behind > 0)
         self._runs_behind = page.behind
@@ -178,11 +228,19 @@ class _Results:
         self._said.set_text(self._words(told))
         self._newer.set_enabled(self._first > 0)
         self._older.set_enabled(last < page.total)
-        rows = [row_of(one, page.attempts.get(one.run, ""), self._words) for one in page.rows]
+        rows = [
+            row_of(one, page.attempts.get(one.run, ""), self._words, page.not_passed.get(one.run, ()))
+            for one in page.rows
+        ]
         if self._searches == 1:
             self._grid.options["rowData"] = rows
         else:  # by their ids: a row that stays keeps its elements, so that a click on it is not lost
             self._grid.run_grid_method("setGridOption", "rowData", rows)
+
+
+def any_or(chosen: str, say: Words) -> dict[str, str]:
+    """Return the choices of a field of which nothing is known yet but what is chosen, '' for any."""
+    return {"": say("any")} | ({chosen: chosen} if chosen else {})
 
 
 class RunRow(TypedDict):
@@ -201,10 +259,11 @@ class RunRow(TypedDict):
     report: str
 
 
-def row_of(one: StoredRun, attempts: str, say: Words) -> RunRow:
+def row_of(one: StoredRun, attempts: str, say: Words, not_passed: Sequence[str] = ()) -> RunRow:
     """Return what the table shows of a run; all but the links is text, and stays text whatever it holds.
 
-    attempts: which one it is and what became of those before, in words.
+    attempts: which one it is and what became of those before, in words. not_passed: metrics
+    that failed, or left it not decidable.
     """
     name, what = quote(one.run, safe=""), f"of {escape(one.serial)}, attempt {one.attempt}"
     judged = verdict_text(one)
@@ -219,7 +278,7 @@ def row_of(one: StoredRun, attempts: str, say: Words) -> RunRow:
         "model": one.model,
         "recipe": one.recipe if one.revision is None else f"{one.recipe} r{one.revision}",
         "operator": one.operator or "",
-        "notes": " ".join(_notes(one, attempts, say)),
+        "notes": " ".join(_notes(one, attempts, say, not_passed)),
         # A record that is not as it was left has no report.
         "report": ""
         if one.altered
@@ -228,8 +287,15 @@ def row_of(one: StoredRun, attempts: str, say: Words) -> RunRow:
     }
 
 
-def _notes(one: StoredRun, attempts: str, say: Words) -> list[str]:
+def _notes(one: StoredRun, attempts: str, say: Words, not_passed: Sequence[str]) -> list[str]:
     notes = [say(f"No verdict: {text}.") for text in one.altered.splitlines()[:1]]
+    if not_passed and one.verdict:
+        names = ", ".join(not_passed)
+        notes += [
+            say("Failed: {names}.", names=names)
+            if one.verdict == "FAIL"
+            else say("Not decidable: {names}.", names=names)
+        ]
     said = attempts_said(attempts, say)
     notes += [f"{said[:1].upper()}{said[1:]}."] if one.attempt > 1 and attempts else []
     notes += [say("Faults were injected.")] if one.scenario else []

@@ -92,6 +92,7 @@ class _RunPage:
         self._others: dict[str, Drawn] = {}
         self._marked: list[Marked] = []
         self._close = False
+        self._loop: ui.plotly | None = None
         self._stiffness: ui.plotly | None = None
 
     async def build(self) -> None:
@@ -145,9 +146,7 @@ class _RunPage:
             self._find = ui.input(say("Draw another run: serial number begins with")).props("outlined dense clearable")
             self._find.on_value_change(self._search)
             self._found = ui.element("div").classes("lm-choices")
-        self._loop = (
-            ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props(f'role="figure" {_labelled(say("Loop"))}')
-        )
+        self._above = ui.element("div")
         self._below = ui.element("div")
 
     async def _load(self) -> None:
@@ -247,6 +246,9 @@ class _RunPage:
         if self._own is None or not self._own.curves.loop:
             return
         others = list(self._others.values())
+        if self._loop is None:  # axes without a loop would show torques and angles that nobody has measured
+            with self._above:
+                self._loop = ui.plotly({"data": [], "layout": {}}).classes("lm-loop").props('role="figure"')
         self._loop.update_figure(loop_figure(self._own, others, self._marked, self._words, close=self._close))
         named = ", ".join(one.name for one in [self._own, *others])
         where = f"; {self._words('marked:')} " + ", ".join(one.name for one in self._marked) if self._marked else ""

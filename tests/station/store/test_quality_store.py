@@ -145,6 +145,19 @@ def test_runs_whose_definition_is_in_the_words_of_before_count(tmp_path: Path) -
     assert [one.number for found in (whole, by_row) for one in found.compared.groups] == [3, 1, 3, 1]
 
 
+def test_values_that_were_tested_by_other_limits_are_counted(tmp_path: Path) -> None:
+    for number in range(5):
+        limits = {"min": None, "max": 1.0 if number < 3 else 0.9}
+        one = metric(0.5 + number / 100, limits=limits)
+        store_run(tmp_path, f"U{number}", [one], day=number, revision=1 if number < 3 else 2)
+    with production(tmp_path) as look:
+        row = capability_of(look, LOT).rows[0]
+    assert row.metric.limit_max == 0.9
+    (other,) = row.by_others
+    assert (other.limit_max, other.number, other.revisions) == (1.0, 3, (1,))
+    assert sum(one.number for one in row.tested_by) == row.found.values == 5
+
+
 def test_runs_that_mean_something_else_are_left_out_and_counted(tmp_path: Path) -> None:
     for number in range(4):
         store_run(tmp_path, f"U{number}", [metric(0.5 + number / 100, band=0.03 if number else 0.04)], day=number)

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from patient import VIRTUAL_BENCH, write_changed
+from station_samples import SETUP
 from station_support import GOLDEN
 
 from benchmarks.many_runs import make_runs
@@ -16,8 +17,9 @@ from definitions.first_image import first_image
 from definitions.image import AGE_NEVER, IMAGE_FIELDS, ORDERS_FIELDS, Image, Link, Orders, State
 from definitions.program import Program
 from station.bench.request import load_job
+from station.records.data_folder import Store
 from station.records.samples.scan_record import pack
-from station.web.bench.changes import RunFacts, changes_between, since_it_worked
+from station.web.bench.changes import IN_PROGRESS, RunFacts, changes_between, since_it_worked
 from station.web.bench.due import due_on
 from station.web.bench.sight import DEVICES, Sight, device_of, sight_of
 from station.web.bench.way_back import DONE, IN_HAND, IN_THE_WAY, TO_COME, Fault, Standing, steps
@@ -164,6 +166,19 @@ def test_runs_on_a_bench_are_counted_as_its_folders_are(tmp_path: Path) -> None:
     found = since_it_worked(tmp_path)
     shown = next(row for row in found.changes if row.what == "runs on this bench")
     assert (found.good, shown.before, shown.now) == (runs[37], "38", "40, 2 since")
+
+
+def test_a_run_that_has_not_ended_is_not_compared(tmp_path: Path) -> None:
+    make_runs(tmp_path, 2)
+    assert not since_it_worked(tmp_path).why_none
+    Store(tmp_path).create("U9", SETUP, {})
+    found = since_it_worked(tmp_path)
+    assert (found.why_none, found.changes) == (IN_PROGRESS, ())
+
+
+def test_a_run_without_a_result_has_no_timing_that_could_have_changed() -> None:
+    found = changes_between(FACTS, dataclasses.replace(FACTS, p99_us=None, missed=None, oldest_sample_scans=None))
+    assert [row.what for row in found if row.changed] == []
 
 
 def test_a_calibration_is_due_on_its_day_and_a_bench_that_cannot_be_read_is_said(tmp_path: Path) -> None:

@@ -173,6 +173,7 @@ def test_who_only_operates_turns_nothing_and_may_end_it(station: Served, enter: 
     another = station.post("hold_jog", {"direction": 1}, "of another session")
     assert another.json()["refused"][0]["id"] == "no_jog", "only the page that began it holds the key"
     page.get_by_role("button", name="End the jog").click()
+    page.wait_for_selector(".lm-begin", state="hidden")  # nothing is left in it for this person
     (record,) = jogs(station.data).newest(9)
     assert until(lambda: record.manifest().state == "stopped")
     table = records_of(record.folder)

@@ -20,7 +20,7 @@ from station.documents.manifest import MASTER
 from station.records.left_state import left_action
 from station.records.master_parts import ONE_SIDED
 from station.records.samples.scan_record import pack
-from station.web.bench.changes import RunFacts, Since, changes_between
+from station.web.bench.changes import IN_PROGRESS, RunFacts, Since, changes_between
 from station.web.bench.due import Due, _due
 from station.web.bench.sight import sight_of
 from station.web.bench.watch import Seen
@@ -125,7 +125,7 @@ def test_what_has_changed_and_what_is_due(say: Asked) -> None:
     for changes in (changes_between(before, none), changes_between(none, before)):
         _parts().since(Since("R", "B", changes), say)
     _parts().since(Since("R", "R"), say)
-    for why in ("No run was made yet.", "No run has passed on bench B before."):
+    for why in ("No run was made yet.", "No run has passed on bench B before.", IN_PROGRESS):
         _parts().since(Since(why_none=why), say)
     today, later = date(2026, 1, 31), date(2026, 3, 1)
     rows = [Due("B", f"{MASTER}R", text) for text in OF_A_MASTER_PART]

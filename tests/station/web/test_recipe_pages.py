@@ -77,6 +77,9 @@ def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: 
     assert "Release" not in buttons(technician)
 
     quality = recipes_of(enter, "quality")
+    waits = quality.wait_for_selector(".ag-center-cols-container .ag-row[row-index='0'] .lm-waits")
+    assert "release asked" in waits.inner_text(), "what waits for this person stands first"
+    assert quality.locator(".ag-row[row-index='0'] .ag-cell[col-id=saved]").inner_text()
     quality.click('a[aria-label="open good revision 2"]')
     state(quality, "release asked")
     tab(quality, "Changes")

@@ -9,7 +9,9 @@ from typing import Any
 import pytest
 from station_support import GOLDEN, Client, client_of
 
+from station.web.pages.recipes.dry_run_html import dry_run_html
 from station.web.people import audit
+from station.web.recipe_text.dry_run import TRIED
 from station.web.station import Station
 
 BAD_OPTION = "peak_torqe"
@@ -106,3 +108,5 @@ def test_a_dry_run_measures_a_unit_of_the_catalogue_and_leaves_no_run(station: S
     assert now["stage"] == "ended", now
     assert (now["result"]["state"], now["result"]["unit"]["virtual"]) == ("complete", "catalogue")
     assert not list(station.data.glob("*/run.json"))
+    shown = dry_run_html(station.dry_runs.now(), TRIED)
+    assert 'id="trial-unit"' in shown, "what a PASS of it proves stands beside it"

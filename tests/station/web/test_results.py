@@ -18,7 +18,7 @@ from station.records.chain.chain_file import Chain
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.languages import ENGLISH, words_of
-from station.web.pages.results import LINKS, row_of
+from station.web.pages.results import LINKS, Asked, row_of
 from station.web.pages.words import verdict_text
 from station.web.people.database import PEOPLE
 from station.web.rest.runs import FILES, begin_of
@@ -86,6 +86,20 @@ def test_a_record_that_is_not_as_it_was_left_has_no_verdict(folder: Path, tmp_pa
     assert [rows[row.run].verdict for row in newest[:2]] == [None, None]
     assert all(rows[row.run].altered for row in newest[:2])
     assert "NO VERDICT" in verdict_text(rows[newest[0].run])
+
+
+def test_a_row_says_which_metric_failed(folder: Path) -> None:
+    page = search(folder, Wanted(verdict="FAIL"), count=10)
+    assert set(page.not_passed) == {one.run for one in page.rows}
+    for one in page.rows:
+        shown = row_of(one, "", words_of(ENGLISH), page.not_passed[one.run])
+        assert page.not_passed[one.run][0] in shown["notes"]
+    assert search(folder, Wanted(verdict="PASS"), count=10).not_passed == {}
+
+
+def test_what_is_looked_for_stands_in_the_address() -> None:
+    assert Asked().query == ""
+    assert Asked(serial="A&B", verdict="FAIL", first=50).query == "?serial=A%26B&verdict=FAIL&first=50"
 
 
 def stored(**entries: Any) -> StoredRun:

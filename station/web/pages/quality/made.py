@@ -6,7 +6,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipes import RecipeError, default_bench, load_bench, load_recipe
+from recipes import RecipeError, default_bench, load_bench, load_recipe, parse_recipe
 from recipes.schema.bench_schema import Bench
 from station.errors import StationError
 from station.quality.bench_ability import (
@@ -33,6 +33,7 @@ from station.quality.figures import (
 )
 from station.quality.limits_trial import Trial, Tried, draft_text, limits_trial, recipe_of
 from station.quality.recipe_change import other_definitions
+from station.quality.text_on_trial import TextTrial, text_trial
 from station.records.data_folder import Store
 from station.store.quality.lot import Lot, production
 from station.store.quality.values import characteristic
@@ -148,3 +149,9 @@ def page_definitions(data: Path, lot: Lot, metric: str) -> tuple[str, ...]:
 def page_draft(data: Path, found: Trial) -> str:
     """Return the recipe of the lot with what was tried, as the text of its next revision."""
     return draft_text(data, found).decode()
+
+
+def page_text_trial(data: Path, content: bytes) -> TextTrial:
+    """Return what the limits of a recipe's text do to the runs of its recipe."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return text_trial(look, parse_recipe(content, "the text"))

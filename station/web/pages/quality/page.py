@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from datetime import datetime, timedelta
+from typing import NamedTuple
 
 from fastapi import Request, Response
 from fastapi.responses import RedirectResponse
@@ -11,7 +12,16 @@ from nicegui import ui
 from analysis.line.run_rules import RULE_SETS
 from station.counted import counted
 from station.store.quality.lot import Lot
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    IN_ENGLISH,
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    bar,
+    session_of_page,
+    still_open,
+    words_for,
+)
 from station.web.pages.quality.batch import BatchCard
 from station.web.pages.quality.bench import BenchTab
 from station.web.pages.quality.made import choices, page_capability, page_causes, page_chart, page_trend, page_yield
@@ -48,22 +58,40 @@ CAUSES = {"failed": "Metric that failed", "undecided": "No verdict", "alarms": "
 """Causes by their name in the figure, and what stands above them."""
 
 
+class Asked(NamedTuple):
+    """What the address of the page names: a lot, and limits that are tried on it at once."""
+
+    recipe: str = ""
+    virtual: bool = False
+    metric: str = ""
+    low: str = ""
+    high: str = ""
+
+
 def add_quality_page(station: Station) -> None:
     """Add the page to the running application."""
 
     @ui.page("/quality", title="lostmotion: quality", response_timeout=LONGEST_BUILD_S)
-    async def quality(request: Request) -> Response | None:
+    async def quality(  # noqa: PLR0917 - what the address may name
+        request: Request,
+        recipe: str = "",
+        virtual: bool = False,  # noqa: FBT001, FBT002 - as above
+        metric: str = "",
+        min: str = "",  # noqa: A002 - as above
+        max: str = "",  # noqa: A002 - as above
+    ) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        await _Quality(station, session).build()
+        asked = Asked(recipe, virtual, metric, min, max)
+        await _Quality(station, session, asked, words_for(station, session, request)).build()
         return None
 
 
 class _Quality:
     """One open page: the lot that is chosen, and what is shown of it."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, asked: Asked, say: Words) -> None:
+        self._station, self._session, self._asked, self._words = station, session, asked, say
         self._filling = False
         self._behind = ""
         self._bench = BenchTab(station, lambda: bool(self._virtual.value))
@@ -73,9 +101,9 @@ class _Quality:
     async def build(self) -> None:
         """Lay the page out; the figures come one after another."""
         ui.colors(primary=LINE)
-        bar(self._station, self._session, "quality")
+        bar(self._station, self._session, "quality", self._words)
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
-        with ui.element("main").classes("lm-page lm-quality"):
+        with ui.element("main").classes("lm-page lm-quality").props(IN_ENGLISH):
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
                 lot = ui.tab("Production")
                 bench = ui.tab("Can this bench measure?")
@@ -136,15 +164,19 @@ class _Quality:
         if found is None:
             return
         self._filling = True
-        self._recipe.set_options(list(found.recipes), value=found.recipes[-1] if found.recipes else None)
+        asked = self._asked
+        chosen = asked.recipe if asked.recipe in found.recipes else (found.recipes or (None,))[-1]
+        self._recipe.set_options(list(found.recipes), value=chosen)
         self._model.set_options({"": "any"} | {name: name for name in found.models})
-        self._virtual.set_value(not found.real)
+        self._virtual.set_value(asked.virtual if asked.recipe else not found.real)
         self._filling = False
         self._bench.set_parts(found.parts)
         if found.behind:
             left = counted(found.behind, "run")
             self._behind = f"Not in the store yet: {left}. The store is catching up: look again soon."
         await self._again()
+        if asked.metric:
+            await self._trial.try_asked(asked.metric, asked.low, asked.high)
         await self._bench.show_due()
         await self._bench.show_part()
 

@@ -22,6 +22,7 @@ from station.web.pages.frame import act, still_open
 from station.web.pages.quality.made import MOST_FLIPS, page_definitions, page_draft, page_trial
 from station.web.pages.quality.parts import card, made_beside
 from station.web.pages.quality.trial_html import (
+    NONE,
     definition_title,
     failed_html,
     flips_html,
@@ -33,9 +34,6 @@ from station.web.pages.quality.trial_html import (
 from station.web.pages.recipes.editor import address_of
 from station.web.people.accounts import Session
 from station.web.station import Station
-
-NONE = "none"
-"""What takes a limit away."""
 
 AS_IT_IS = ""
 NEWEST = (50, 200, 2000)
@@ -99,6 +97,15 @@ class TrialCard:
         """Offer metrics."""
         self._metric.set_options(names, value=self._metric.value if self._metric.value in names else chosen)
         await self._metric_chosen()
+
+    async def try_asked(self, metric: str, low: str, high: str) -> None:
+        """Try limits that the address of the page names."""
+        if metric not in (self._metric.options or ()):
+            return
+        self._metric.set_value(metric)
+        self._low.set_value(low)
+        self._high.set_value(high)
+        await self._try()
 
     async def _metric_chosen(self) -> None:
         self._definition.set_value(AS_IT_IS)

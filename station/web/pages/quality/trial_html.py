@@ -22,6 +22,9 @@ LEAST_S = 5.0
 
 MOST_FAILED = 10
 
+NONE = "none"
+"""What takes a limit away."""
+
 
 def trial_words(found: Trial) -> str:
     """Return what was tried, and how many verdicts flip."""

@@ -22,20 +22,21 @@ from station.errors import StationError
 from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision, State, hash_of
-from station.reports.headline import remaining_reasons
 from station.run.screen.progress import clock
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
-from station.web.languages import ENGLISH, words_of
-from station.web.pages.frame import SESSION_EVERY_S, act, bar, session_of_page, still_open
-from station.web.pages.operator_text import metrics_table
+from station.web.languages import Words
+from station.web.pages.frame import IN_ENGLISH, SESSION_EVERY_S, act, bar, session_of_page, still_open, words_for
+from station.web.pages.quality.made import page_text_trial
+from station.web.pages.quality.parts import made_beside
 from station.web.pages.quality_figures import Options
 from station.web.pages.recipes.diff import diff_html
-from station.web.pages.words import NOT_BELIEVED, VERDICTS, local
+from station.web.pages.recipes.dry_run_html import dry_run_html, text_trial_html
+from station.web.pages.words import local
 from station.web.people.accounts import Session
 from station.web.recipe_text.check import LookedAt, look_at
-from station.web.recipe_text.dry_run import FAILED, IDLE, TRYING, DryRun
+from station.web.recipe_text.dry_run import IDLE, TRIED, TRYING, DryRun
 from station.web.station import Station
 
 LOOK_EVERY_S = 0.15
@@ -67,7 +68,8 @@ def add_editor(station: Station) -> None:
             return HTMLResponse(escape(str(error)), 409)
         if found is None or text is None:
             return HTMLResponse("There is no such revision.", 404)
-        await _Editor(station, session, history, found, text.decode()).build(as_new=bool(new))
+        say = words_for(station, session, request)
+        await _Editor(station, session, history, found, text.decode()).build(say, as_new=bool(new))
         return None
 
 
@@ -86,8 +88,8 @@ class _Editor:
         self._asks_again = True
         self._told: tuple[Revision | None, bool, bool] | None = None
 
-    async def build(self, *, as_new: bool) -> None:
-        """Lay the page out; as_new: the text becomes the draft of the next revision."""
+    async def build(self, say: Words, *, as_new: bool) -> None:
+        """Lay the page out; say: the words of its bar; as_new: the text becomes the draft of the next revision."""
         assert self._found is not None  # noqa: S101 - the page was asked for by it
         opened = self._found
         if as_new and opened.state is State.RELEASED:
@@ -95,8 +97,8 @@ class _Editor:
             self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
             self._found = None
         ui.colors(primary=LINE_INK)
-        bar(self._station, self._session, "recipes")
-        with ui.element("main").classes("lm-page"):
+        bar(self._station, self._session, "recipes", say)
+        with ui.element("main").classes("lm-page").props(IN_ENGLISH):
             self._head = ui.element("div").classes("lm-recipe-head")
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
             self._refused.set_visibility(False)
@@ -333,24 +335,18 @@ class _Editor:
         self._try.set_enabled(now.stage != TRYING and self._may("try_recipe"))
         if shown != self._dry:
             self._dry = shown
-            self._tried.set_content(_dry_run_html(now, shown[0]))
+            self._tried.set_content(dry_run_html(now, shown[0]))
+            if shown[0] == TRIED and now.result is not None:
+                ui.timer(0.0, self._try_limits, once=True)
 
-
-def _dry_run_html(now: DryRun, stage: str) -> str:
-    if stage == IDLE:
-        return (
-            "<p>Runs this text with a virtual unit that has the catalogue values of the model. Nothing is stored.</p>"
-        )
-    if stage == TRYING:
-        return f"<p>{escape(now.title)} is being tried. {escape(now.said)}</p>"
-    if stage == FAILED or now.result is None:
-        return f'<p class="lm-problem">{escape(now.said)}</p>'
-    result = now.result
-    shown = VERDICTS[result.verdict] if result.state == "complete" else NOT_BELIEVED
-    word = shown.word if result.state == "complete" else result.state.upper()
-    reasons = "".join(f"<p>{escape(one)}</p>" for one in remaining_reasons(result)[:4])
-    tile = f'<div class="lm-tile lm-small {shown.style}">{shown.shape}<b>{escape(word)}</b></div>'
-    return f"{tile}{reasons}{metrics_table(result, words_of(ENGLISH))}<p>The dry run took {now.took_s:.0f} s.</p>"
+    async def _try_limits(self) -> None:
+        """Say beside a dry run what the limits of its text do to the runs that are there."""
+        told, text = list[str](), self._text
+        found = await made_beside(self._station, page_text_trial, text.encode(), said=told.append)
+        now = self._station.dry_runs.now()
+        if now.stage == TRIED and now.sha256 == hash_of(text.encode()) == hash_of(self._text.encode()):
+            said = text_trial_html(found) if found is not None else f"<p>{escape(' '.join(told))}</p>"
+            self._tried.set_content(dry_run_html(now, TRIED) + said)
 
 
 def _history_html(history: History, name: str) -> str:

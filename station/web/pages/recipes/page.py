@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Iterable
 from functools import partial
 from html import escape
 from typing import TypedDict
@@ -18,7 +19,17 @@ from station.records.revisions.history import History
 from station.records.revisions.revision import Revision, State
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
-from station.web.pages.frame import SESSION_EVERY_S, Column, act, bar, session_of_page, still_open
+from station.web.languages import Words
+from station.web.pages.frame import (
+    IN_ENGLISH,
+    SESSION_EVERY_S,
+    Column,
+    act,
+    bar,
+    session_of_page,
+    still_open,
+    words_for,
+)
 from station.web.pages.recipes.editor import LINE_INK, add_editor, address_of
 from station.web.pages.words import local
 from station.web.people.accounts import Session
@@ -34,8 +45,9 @@ COLUMNS: tuple[Column, ...] = (
         "field": "state",
         "headerName": "State",
         "width": 210,
-        "cellClassRules": {"lm-open": "!data.state.includes('released')"},
+        "cellClassRules": {"lm-open": "!data.state.includes('released')", "lm-waits": "data.waits"},
     },
+    {"field": "saved", "headerName": "Saved", "width": 190},
     {"field": "current", "headerName": "Current", "width": 120},
     {"field": "authors", "headerName": "Written by", "flex": 1, "minWidth": 180},
     {"field": "released", "headerName": "Released by", "flex": 1, "minWidth": 220},
@@ -51,21 +63,21 @@ def add_recipe_pages(station: Station) -> None:
     async def recipes(request: Request) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        await _Recipes(station, session).build()
+        await _Recipes(station, session, words_for(station, session, request)).build()
         return None
 
 
 class _Recipes:
     """One open page."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
 
     async def build(self) -> None:
         """Lay the page out, and show every revision."""
         ui.colors(primary=LINE_INK)
-        bar(self._station, self._session, "recipes")
-        with ui.element("main").classes("lm-page"):
+        bar(self._station, self._session, "recipes", self._words)
+        with ui.element("main").classes("lm-page").props(IN_ENGLISH):
             self._said = ui.label().classes("lm-bypasses").props('role="alert"')
             self._said.set_visibility(False)
             if self._session.person.role in ACTIONS["save_recipe"].roles:
@@ -90,7 +102,7 @@ class _Recipes:
         except StationError as error:
             self._tell(str(error))
             return
-        self._grid.options["rowData"] = [row_of(history, one) for one in history.all()]
+        self._grid.options["rowData"] = [row_of(history, one) for one in waiting_first(history.all())]
         self._grid.update()
         if history.problems:
             self._tell(" ".join(history.problems[:3]))
@@ -119,10 +131,17 @@ class RevisionRow(TypedDict):
     name: str
     revision: int
     state: str
+    waits: bool
+    saved: str
     current: str
     authors: str
     released: str
     links: str
+
+
+def waiting_first(revisions: Iterable[Revision]) -> list[Revision]:
+    """Return revisions with those first that wait for somebody to release them; the others stay in their order."""
+    return sorted(revisions, key=lambda one: one.state is not State.ASKED)
 
 
 def row_of(history: History, one: Revision) -> RevisionRow:
@@ -135,6 +154,8 @@ def row_of(history: History, one: Revision) -> RevisionRow:
         "name": one.name,
         "revision": one.revision,
         "state": STATES[one.state],
+        "waits": one.state is State.ASKED,
+        "saved": local(one.saved) if one.saved else "",
         "current": "yes" if history.newest_released(one.name) == one else "",
         "authors": ", ".join(one.authors),
         "released": released if one.state is State.RELEASED else "",

@@ -1,0 +1,32 @@
+"""The bar of every page is in the person's language, and offers the others."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import pytest
+from browser import Enter, needs_browser
+from served import Served, prepared, served
+
+from station.web.languages import LANGUAGES, words_of
+from station.web.pages.frame import PAGES
+
+pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
+
+
+@pytest.fixture(scope="module")
+def station(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
+    with served(prepared(tmp_path_factory.mktemp("bar") / "runs")) as found:
+        yield found
+
+
+def test_the_bar_of_every_page_is_in_the_language_of_the_person(station: Served, enter: Enter) -> None:
+    page, say = enter("admin"), words_of("de")
+    page.click('.lm-language[lang="de"]')
+    page.wait_for_selector('.lm-language[lang="de"][aria-pressed="true"]')
+    expected = [say(name.capitalize()) for name in PAGES]
+    for address in (*PAGES.values(), "/recipes/rv-40e-121-quick/2"):
+        page.goto(f"{station.url}{address}")
+        page.wait_for_selector(".lm-bar .lm-nav a")
+        assert page.locator(".lm-bar nav a").all_inner_texts() == expected, address
+        assert page.locator(".lm-language").count() == len(LANGUAGES), address

@@ -275,7 +275,7 @@ class _Page:
             if refused and scanned:
                 ui.label(self._words(NOT_TAKEN, scanned=named(scanned))).classes("lm-scanned")
             for one in refused:
-                ui.label(refusal_said(one.text, self._words))
+                ui.label(refusal_said(one.text, self._words)).classes("lm-refusal")
         with self._refused, ui.element("div").classes("lm-answers"):
             if "bad_unit_put_away" in names:
                 self._waits = named(scanned)

@@ -79,11 +79,10 @@ def test_each_condition_fails_alone_with_its_text_in_the_browser(
     page.evaluate("document.querySelectorAll('.lm-refused *').forEach(one => one.dataset.seen = '')")
     page.evaluate(SCAN, "SN-1")
     page.wait_for_selector(".lm-refused:visible *:not([data-seen])")
-    shown = page.evaluate(
-        "[...document.querySelectorAll('.lm-refused > :not(button)')].map(one => one.innerText).join()"
-    )
+    shown = page.evaluate("[...document.querySelectorAll('.lm-refused .lm-refusal')].map(one => one.innerText).join()")
     told = why.replace(str(good.data.parent), str(failing.data.parent))
     assert told_of(shown) == told_of(told)
+    assert "SN-1" in page.inner_text(".lm-scanned")
     assert newest(failing) == ("refused", [condition])
     assert page.inner_text(".lm-word") == "READY"
     assert failing.now()["stage"] == "ready"

@@ -42,7 +42,8 @@ SHOWS = """([serial, words]) => {
   return word && unit && unit.innerText.split(' ')[0] === serial && words.includes(word.innerText); }"""
 CONNECTED = "() => window.marked === undefined && window.socket && window.did_handshake && window.socket.connected"
 VERDICTS = ["PASS", "FAIL", "NOT DECIDABLE"]
-PUT_AWAY = "text=The bad unit is in the NOK box"
+PUT_AWAY = "button.lm-nok"
+PUT_AWAY_SHOWN = "() => document.querySelector('.lm-tile.lm-put-away')"
 
 
 def wait_for(page: Page, condition: str, given: Any = None) -> None:
@@ -60,9 +61,10 @@ def cycle(page: Page, number: int, after_bad: bool) -> bool:  # noqa: FBT001 - w
     """Scan a unit and wait for its verdict on the page; return whether it was a bad one."""
     bad = number % BAD_ONE_IN == 0
     serial = f"{'BAD' if bad else 'SN'}-{number}"
-    scan(page, serial)
     if after_bad:
         page.click(PUT_AWAY)
+        wait_for(page, PUT_AWAY_SHOWN)
+    scan(page, serial)
     wait_for(page, SHOWS, [serial, ["FAIL" if bad else "PASS"]])
     return bad
 

@@ -18,6 +18,7 @@ HERE = Path(__file__).parent / "locale"
 ENGLISH = "en"
 LANGUAGES = {ENGLISH: "English", "de": "Deutsch", "zh": "中文"}
 COOKIE = "lostmotion_language"
+DECIMAL_SIGNS = {"de": ","}
 HOLDER = re.compile(r"\{(\w+)\}")
 
 
@@ -52,6 +53,11 @@ class Words:
             return text
         parts = match.groupdict()
         return HOLDER.sub(lambda holder: parts[holder[1]], one.becomes)
+
+    def number(self, text: str) -> str:
+        """Return the figures of a text as this language writes them: with its decimal sign."""
+        sign = DECIMAL_SIGNS.get(self.language, ".")
+        return text if sign == "." else re.sub(r"(?<=\d)\.(?=\d)", sign, text)
 
 
 @cache

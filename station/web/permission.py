@@ -74,6 +74,7 @@ class Situation:
     jogging: bool = False
     label: str = ""
     study: str = ""
+    bad_serial: str = ""
 
     @property
     def is_master_part(self) -> bool:
@@ -126,10 +127,11 @@ def situation_of(
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
     bad = unconfirmed(data, confirmed)
+    bad_serial = RunRecord(data / bad).serial() if bad else None
     study = "" if not wanted.study or job is None else _why_not_next(data, wanted, job)
     return Situation(
         data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
-        jogging=jog_is_on(data), label=label, study=study,
+        jogging=jog_is_on(data), label=label, study=study, bad_serial=bad_serial or "",
     )  # fmt: skip
 
 
@@ -256,9 +258,11 @@ def _recipe_released(one: Situation) -> str | None:
 def _bad_unit_put_away(one: Situation) -> str | None:
     if not one.unconfirmed:
         return None
+    if one.bad_serial:
+        return f"Unit {one.bad_serial} is bad. Put it into the NOK box and confirm that."
     return (
-        f"The unit of run {one.unconfirmed} is bad, or its record cannot be read. Put it into the NOK box and confirm "
-        "that."
+        f"The record of run {one.unconfirmed} cannot be read, so its unit may be bad. Put it into the NOK box and "
+        "confirm that."
     )
 
 

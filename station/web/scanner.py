@@ -26,6 +26,10 @@ VARIABLE = {"10": 20, "21": 20, "22": 20, "240": 30, "241": 30, "250": 30, "251"
 """Most characters of the others that stand on units."""
 
 SERIAL = "21"
+
+NOK = "NOK"
+"""What is scanned from the box for bad units once a bad unit is in it, in capitals or not."""
+
 BRACKETS = re.compile(r"\((\d{2,4})\)([^()]*)")
 
 
@@ -50,6 +54,11 @@ def serial_of(scanned: str) -> str:
             raise ScanError(f"{text[:60]!r}: is a GS1 text without a serial number (21). Scan the code of the unit")
         return _checked(found[SERIAL])
     return _checked(text)
+
+
+def is_nok(scanned: str) -> bool:
+    """Say whether what was scanned is the code on the box for bad units."""
+    return without_identifier(scanned).strip().upper() == NOK
 
 
 def without_identifier(scanned: str) -> str:

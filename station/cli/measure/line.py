@@ -32,16 +32,13 @@ from station.web.models import load_models
 from station.web.people.accounts import session_here
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
-from station.web.scanner import SYMBOLOGIES, ScanError, serial_of
+from station.web.scanner import NOK, SYMBOLOGIES, ScanError, serial_of
 from station.web.scanner_test import is_test_code
 from station.web.settings import load_settings
 from station.web.station import Station
 
 PLACE = "lostmotion line"
 """Where an action was done, in the audit trail."""
-
-NOK = "NOK"
-"""What is scanned from the box for bad units, or typed, once a bad unit is in it."""
 
 LABEL = "LABEL"
 """What is scanned from a card, or typed, to have the newest label printed again."""

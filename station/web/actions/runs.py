@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 from sqlalchemy import Connection, insert, select
 
 from station.records.data_folder import Store
+from station.records.run_record import RunRecord
 from station.wall_clock import now_text
 from station.web.actions.labels import awaited_label
 from station.web.actions.row import Call, NotNowError
@@ -94,6 +97,23 @@ def unconfirmed_run(station: Station) -> str:
     """Return the run whose bad unit has to be put away before another is measured, '' where there is none."""
     with station.database.reading() as connection:
         return unconfirmed(station.data, _confirmed(connection))
+
+
+class BadUnit(NamedTuple):
+    """A run whose unit may be bad; by and at: who has put it into its box, and when: '' while nobody has."""
+
+    run: str
+    by: str = ""
+    at: str = ""
+
+
+def bad_unit(station: Station, run: str) -> BadUnit | None:
+    """Return whether the bad unit of a run that has ended is put away; None where its unit is not bad."""
+    if not may_be_bad(RunRecord(station.data / run)):
+        return None
+    with station.database.reading() as connection:
+        found = connection.execute(select(CONFIRMED.c.name, CONFIRMED.c.at).where(CONFIRMED.c.run == run)).first()
+    return BadUnit(run) if found is None else BadUnit(run, *found)
 
 
 def stop_run(call: Call, _given: Nothing) -> Outcome:

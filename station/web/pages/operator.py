@@ -15,35 +15,23 @@ from fastapi.responses import HTMLResponse, RedirectResponse
 from nicegui import ui
 from pydantic import JsonValue
 
-from station.documents.result import MetricValue, Result
-from station.reports.headline import remaining_reasons
-from station.reports.result_text import limits_text
 from station.run.screen.progress import clock, signed
 from station.wall_clock import WALL_CLOCK
 from station.web.actions.row import BAD_INPUT, OK, Answer
-from station.web.actions.runs import unconfirmed_run
+from station.web.actions.runs import BadUnit, bad_unit, unconfirmed_run
 from station.web.actions.values import LabelTold, refusal
 from station.web.bypasses import Bypass, bypasses_now
 from station.web.labels.outbox import Awaited, awaited, is_label
 from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.live import GrowingLoop, Looks
+from station.web.pages.operator_text import named, shown_of, why_text
 from station.web.pages.quality_figures import Options
-from station.web.pages.words import (
-    ENDINGS,
-    NOT_BELIEVED,
-    READY,
-    RUNNING,
-    STARTING,
-    VERDICTS,
-    Shown,
-    attempts_said,
-    reason_said,
-)
+from station.web.pages.words import VERDICTS, attempts_said, local, refusal_said
 from station.web.people.accounts import Session, session_of
-from station.web.running import ENDED, Now
+from station.web.running import ENDED
 from station.web.running import RUNNING as IS_RUNNING
-from station.web.running import STARTING as IS_STARTING
+from station.web.scanner import is_nok
 from station.web.scanner_test import is_test_code
 from station.web.station import Station
 
@@ -63,6 +51,12 @@ SAME_SCAN_S = 2.0
 CAPS_LOCK_ON = "Caps Lock is on: it changes what the scanner sends. Switch it off, then scan the unit again."
 SCANNER_TESTED = "The scanner works. Scan the unit."
 PUT_AWAY = "The bad unit is in the NOK box"
+CONFIRMED_BY = "In the NOK box: confirmed by {name}, {at}."
+SCAN_NEXT = "Scan the next unit."
+SCAN_AGAIN = "The bad unit is in the NOK box. Scan unit {serial} again."
+NO_BAD_UNIT = "No bad unit waits for the NOK box."
+NOT_TAKEN = "Not taken: {scanned}"
+TYPED = "This was typed by hand, or is too short for a code. A unit starts only by its scan: scan the unit."
 LABEL_READ = "The label of unit {serial} is on it. Scan the next unit."
 LABEL_FIRST = "Put the label on the unit and scan it."
 PRINT_AGAIN = "Print the label again"
@@ -128,6 +122,11 @@ class _Page:
         self._scan = ("", 0.0, "")
         self._session_seen = 0.0
         self._awaited = False
+        self._bad: BadUnit | None = None
+        self._bad_of = ("", "")
+        """Stage and run by which it was looked whether the unit is bad."""
+        self._waits = ""
+        """The unit whose scan was refused because a bad one is not put away yet."""
         self._refused_for: Awaited | None = None
         """The label for which a scan was refused: the one that a person has printed again."""
 
@@ -139,6 +138,8 @@ class _Page:
         with ui.element("main").classes("lm-main"):
             with ui.element("section").classes("lm-left"):
                 self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')
+                self._nok = ui.button(self._words(PUT_AWAY), on_click=self._put_away).classes("lm-button lm-nok")
+                self._nok.set_visibility(False)
                 self._refused = ui.element("div").classes("lm-refused").props('role="alert"')
                 self._refused.set_visibility(False)
                 self._bypasses = ui.label().classes("lm-bypasses")
@@ -151,6 +152,7 @@ class _Page:
                 chart = ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
                 self._loop = GrowingLoop(chart)
         ui.on("scan", self._scanned)
+        ui.on("typed", self._typed)
         ui.timer(SHORTEST_S, self._look)  # the look that it waits for keeps the time
 
     async def _look(self) -> None:
@@ -164,15 +166,21 @@ class _Page:
             self._awaited = label is not None
             self._label.set_text("" if label is None else self._words(str(label)))
             self._label.set_visibility(label is not None)
+            self._bad_of = ("", "")  # it may have been put away by another page
             self._session_seen = time.monotonic()
         now = await self._looks.next()
+        if self._bad_of != (now.stage, now.run):
+            self._bad = await asyncio.to_thread(bad_unit, self._station, now.run) if now.stage == ENDED else None
+            self._bad_of = (now.stage, now.run)
+        self._nok.set_visibility(self._bad is not None and not self._bad.by)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
         self._loop.show(now)
         view = now.view
         left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)
-        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited)
+        what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited, self._bad)
         if view is not None and now.stage == IS_RUNNING:
             torque, windup = signed(view.torque_nm, 1), signed(view.windup_arcmin, 3)
+            torque, windup = map(self._words.number, (torque, windup))
             figures = (("torque", f"{torque} N·m"), ("wind-up", f"{windup} ′"), ("time left", left))
             self._figures.set_content(
                 "".join(f"<div><span>{escape(self._words(name))}</span>{text}</div>" for name, text in figures)
@@ -184,20 +192,33 @@ class _Page:
         if self._shown and now.stage != self._shown[0] and time.monotonic() - self._scan[1] > SAME_SCAN_S:
             self._refused.set_visibility(False)  # it was said of what is over now
         self._shown = what
-        shown = _shown(now)
-        self._tile.classes(remove="PASS FAIL OPEN BUSY", add=shown.style)
+        shown = shown_of(now)
+        put_away = self._bad is not None and bool(self._bad.by)
+        self._tile.classes(remove="PASS FAIL OPEN BUSY lm-put-away", add=shown.style)
+        self._tile.classes(add="lm-put-away" if put_away else "")
         to_do = shown.to_do
         if shown in VERDICTS.values():
             to_do = LABEL_FIRST if self._awaited else now.to_do or shown.to_do
+        if put_away and shown is VERDICTS["FAIL"]:
+            to_do = SCAN_NEXT
         state = view.words if view is not None and now.stage == IS_RUNNING else ""
         recipe = now.recipe if now.stage == IS_RUNNING else ""
-        about = "  ".join(part for part in (now.serial, attempts_said(now.attempt, self._words), recipe) if part)
+        about = " · ".join(part for part in (now.serial, attempts_said(now.attempt, self._words), recipe) if part)
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
+            f"{self._confirmed()}"
             f'<div class="lm-do">{escape(self._words(state or to_do))}</div>'
         )
-        self._why.set_content(_why(now, self._words))
+        self._why.set_content(why_text(now, self._words))
+
+    def _confirmed(self) -> str:
+        """Return who has put the bad unit away, and when; nothing while nobody has."""
+        if self._bad is None or not self._bad.by:
+            return ""
+        at, today = local(self._bad.at)[:16], WALL_CLOCK.now().astimezone().strftime("%Y-%m-%d ")
+        said = self._words(CONFIRMED_BY, name=self._bad.by, at=at.removeprefix(today))
+        return f'<div class="lm-confirmed">{escape(said)}</div>'
 
     async def _scanned(self, event: Any) -> None:
         text, settings = str(event.args.get("text", "")), self._station.settings
@@ -210,6 +231,9 @@ class _Page:
             self._say(answer, text)
             if answer.status == OK:
                 self._tell(SCANNER_TESTED)
+            return
+        if is_nok(text):
+            await self._scanned_nok(text)
             return
         if event.args.get("caps"):
             self._say(Answer(BAD_INPUT, refusal("scan", CAPS_LOCK_ON)), text)
@@ -244,29 +268,49 @@ class _Page:
     def _say(self, answer: Answer, scanned: str) -> None:
         """Show why a scan was refused, with what can be done about it here; nothing where it was not."""
         self._refused.clear()
-        refused = answer.refused
+        refused, self._waits = answer.refused, ""
         self._refused.set_visibility(bool(refused))
         names = {one.id for one in refused}
         with self._refused:
+            if refused and scanned:
+                ui.label(self._words(NOT_TAKEN, scanned=named(scanned))).classes("lm-scanned")
             for one in refused:
-                ui.label(self._words(one.text))
+                ui.label(refusal_said(one.text, self._words))
+        with self._refused, ui.element("div").classes("lm-answers"):
             if "bad_unit_put_away" in names:
-                ui.button(self._words(PUT_AWAY), on_click=lambda: self._put_away(scanned)).classes("lm-button")
+                self._waits = named(scanned)
+                if not self._nok.visible:  # the run that this page shows is another one
+                    ui.button(self._words(PUT_AWAY), on_click=self._put_newest_away).classes("lm-button")
             elif "label_read" in names:
                 # One key: whoever clicks twice asks once.
                 label, key = self._refused_for, secrets.token_hex(16)
-                ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned, label, key)).classes(
-                    "lm-button"
-                )
+                again = ui.button(self._words(PRINT_AGAIN), on_click=lambda: self._print_again(scanned, label, key))
+                again.classes("lm-button")
             elif "retest_reason" in names:
                 for reason in RETEST_REASONS:
-                    ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why)).classes(
-                        "lm-button"
-                    )
+                    why = ui.button(self._words(reason), on_click=lambda why=reason: self._again(scanned, why))
+                    why.classes("lm-button lm-reason")
+            if refused:
+                ui.button(self._words("Cancel"), on_click=self._cancel, color=None).classes(
+                    "lm-button lm-second lm-cancel"
+                )
+
+    def _cancel(self) -> None:
+        """Leave the unit alone whose scan was refused."""
+        self._waits = ""
+        self._refused.clear()
+        self._refused.set_visibility(False)
+
+    def _typed(self, event: Any) -> None:
+        """Say that what came is no scan; what already stands there about one goes."""
+        text = str(event.args)[:60]
+        if not self._station.settings.is_badge(text):  # half of a log-in: it stands on no screen
+            self._say(Answer(BAD_INPUT, refusal("scan", TYPED)), text)
 
     def _tell(self, text: str, **values: object) -> None:
         """Show what a scan that starts no run has done."""
         self._scan = ("", time.monotonic(), "")
+        self._refused.clear()
         with self._refused:
             ui.label(self._words(text, **values))
         self._refused.set_visibility(True)
@@ -279,65 +323,40 @@ class _Page:
             return
         self._say(await self._perform("print_label", {"run": label.run}, key), scanned)
 
-    async def _put_away(self, scanned: str) -> None:
-        bad = await asyncio.to_thread(unconfirmed_run, self._station)
-        answer = await self._perform("confirm_nok", {"run": bad}, secrets.token_hex(16))
-        if answer.status == OK:
-            await self._start(scanned, "", secrets.token_hex(16))
+    async def _scanned_nok(self, scanned: str) -> None:
+        if await asyncio.to_thread(unconfirmed_run, self._station):
+            await self._put_newest_away()
         else:
-            self._say(answer, scanned)
+            self._say(Answer(BAD_INPUT, refusal("run", NO_BAD_UNIT)), scanned)
+
+    async def _put_newest_away(self) -> None:
+        await self._confirm(await asyncio.to_thread(unconfirmed_run, self._station))
+
+    async def _put_away(self) -> None:
+        if self._bad is not None:
+            await self._confirm(self._bad.run)
+
+    async def _confirm(self, run: str) -> None:
+        """Keep that the bad unit of a run is in its box. Nothing starts by it: a unit starts by its scan alone."""
+        waits = self._waits
+        answer = await self._perform("confirm_nok", {"run": run}, secrets.token_hex(16))
+        self._say(answer, "")
+        self._bad_of = ("", "")
+        if answer.status == OK and waits:
+            self._tell(SCAN_AGAIN, serial=waits)
 
     async def _again(self, scanned: str, reason: str) -> None:
         await self._start(scanned, reason, secrets.token_hex(16))
 
 
-def _shown(now: Now) -> Shown:
-    if now.stage == IS_STARTING:
-        return STARTING
-    if now.stage == IS_RUNNING:
-        return RUNNING
-    if now.stage != ENDED:
-        return READY
-    if now.altered or now.result is None:
-        return NOT_BELIEVED
-    if now.result.state != "complete":
-        return ENDINGS.get(now.result.state, ENDINGS["fault"])
-    return VERDICTS[now.result.verdict]
-
-
-def _why(now: Now, say: Words) -> str:
-    """Return what stands below the tile: why a start was refused, the reasons of a verdict, the metrics."""
-    if now.refused:
-        return f"<b>{escape(say('The run was not started.'))}</b> {escape(say(now.refused))}"
-    if now.altered:
-        return "<br>".join(escape(one) for one in now.altered)
-    if now.result is None:
-        return ""
-    reasons = "".join(f"<p>{escape(reason_said(one, say))}</p>" for one in remaining_reasons(now.result)[:4])
-    return f"{reasons}{metrics_table(now.result, say)}"
-
-
-def metrics_table(result: Result, say: Words) -> str:
-    """Return the metrics that have limits, with value, uncertainty, limits and verdict, as a table."""
-    rows = "".join(_row(one, say) for one in result.metrics if one.limits)
-    return f'<table class="lm">{rows}</table>' if rows else ""
-
-
-def _row(metric: MetricValue, say: Words) -> str:
-    value = "–" if metric.value is None else f"{metric.value:.4g}"
-    u = "" if metric.uncertainty is None else f" ± {metric.uncertainty:.2g}"
-    cells = (f"{value}{u}".replace("-", "−"), metric.unit, limits_text(metric.limits), say(metric.verdict or ""))
-    title = (metric.title or metric.id).partition(" (")[0]
-    return f"<tr><td>{escape(title)}</td>" + "".join(f'<td class="n">{escape(one)}</td>' for one in cells) + "</tr>"
-
-
 def _chart_options(say: Words) -> Options:
     ink = "#23282b"
+    sign = say.number("0.0").strip("0")
     axis = {
         "type": "value",
         "nameLocation": "middle",
         "nameTextStyle": {"fontSize": 18, "color": ink},
-        "axisLabel": {"fontSize": 15, "color": ink},
+        "axisLabel": {"fontSize": 15, "color": ink, ":formatter": f"value => String(value).replace('.', '{sign}')"},
         "splitLine": {"lineStyle": {"color": "#c2c7ca"}},
     }
     return {

@@ -52,6 +52,11 @@ def verdict_text(one: StoredRun) -> str:
     return f"{SHAPES.get(one.verdict or '', NO_VERDICT)} {one.verdict or 'NO VERDICT'}"
 
 
+TOLD_ATTEMPTS = re.compile(r"This unit was measured .*?\((?P<told>attempt .+)\)[.;] .+")
+"""A refused retest, which tells of the attempts before it."""
+
+MEASURED_AGAIN = "measured again: "
+
 LIMIT_REASON = re.compile(r"(?P<found>.+) is (?P<where>above|below) the limit of (?P<limit>.+?): (?P<meaning>.+)")
 """The reason of a metric out of its limits, as the evaluation writes it."""
 
@@ -64,8 +69,16 @@ def attempts_said(text: str, say: Words) -> str:
     return "; ".join(_attempt_said(part, say) for part in text.split("; "))
 
 
+def refusal_said(text: str, say: Words) -> str:
+    """Return why a scan was refused in a language, with the attempts that it tells of."""
+    found, said = TOLD_ATTEMPTS.fullmatch(text), say(text)
+    return said if found is None else said.replace(found["told"], attempts_said(found["told"], say))
+
+
 def _attempt_said(part: str, say: Words) -> str:
     found = ATTEMPT.fullmatch(part)
+    if found is None and part.startswith(MEASURED_AGAIN):
+        return say("measured again: {reason}", reason=say(part.removeprefix(MEASURED_AGAIN)))
     if found is None:
         return say(part)
     said = say("attempt {number}", number=found["number"])

@@ -19,13 +19,14 @@ from station_support import write_models
 from stored_runs import metric, store_run
 
 from station.cli.measure.at_terminal import AtTerminal
-from station.cli.measure.line import DO, NOK, Line
+from station.cli.measure.line import DO, Line
 from station.cli.measure.scans import Scans
 from station.errors import StationError
 from station.web.bypasses import add_bypass
 from station.web.models import load_models
 from station.web.people.audit import lines_of, problems_of
 from station.web.people.database import StationDatabase
+from station.web.scanner import NOK
 from station.web.scanner_test import AS_GERMAN
 from station.web.settings import ScannerTest, Settings
 from station.web.station import Station

@@ -23,9 +23,21 @@ from station.web.labels.outbox import NOT_MADE, PRINTED, SENT, TO_PRINT, Awaited
 from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
-from station.web.pages import frame, jog, loop_figure, maintenance, operator, people, results, run, run_text, words
+from station.web.pages import (
+    frame,
+    jog,
+    loop_figure,
+    maintenance,
+    operator,
+    operator_text,
+    people,
+    results,
+    run,
+    run_text,
+    words,
+)
 from station.web.pages.operator import enter_page
-from station.web.pages.words import Shown, attempts_said, reason_said
+from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
@@ -66,9 +78,12 @@ def of_a_jog() -> list[Fault]:
 
 
 TEXTS = [
-    *shown(), *said(operator), *said(results), *said(frame), *(one["headerName"] for one in results.COLUMNS),
+    *shown(), *said(operator), *said(operator_text), *said(results), *said(frame),
+    *(one["headerName"] for one in results.COLUMNS),
     *(name.capitalize() for name in frame.PAGES), *ROLES, *operator.RETEST_REASONS, operator.PUT_AWAY,
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
+    operator.CONFIRMED_BY, operator.SCAN_NEXT, operator.SCAN_AGAIN, operator.NO_BAD_UNIT,
+    operator.NOT_TAKEN, operator.TYPED,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
     *said(run), *said(run_text), *said(loop_figure), *run.FILE_WORDS.values(), run_text.RESTORE, *CLOCK_TEXTS.values(),
@@ -184,9 +199,30 @@ def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_i
         "Versuch 4; Versuch 1 NICHT IN ORDNUNG Backlash, Lost motion; Versuch 2 abgebrochen; "
         "Versuch 3 nicht abgeschlossen; erneut geprüft: seating; loose"
     )
+    own = operator.RETEST_REASONS[0]
+    assert attempts_said(f"attempt 2; measured again: {own}", words_of("de")).endswith(words_of("de")(own))
     for outcome in words.OUTCOMES:
         assert attempts_said(f"attempt 1 {outcome}", words_of("zh")) != f"attempt 1 {outcome}"
         assert outcome not in attempts_said(f"attempt 1 {outcome}", words_of("zh"))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_the_attempts_in_a_refused_retest_are_said_in_each_language(
+    allowed: Situation, monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    for name in ("retest_reason", "attempts_left"):
+        ((_, why),) = refusals(cases(allowed, monkeypatch)[name])
+        said = refusal_said(why, words_of(language))
+        assert "attempt" in why
+        assert not re.search("attempt|FAIL|measured", said), said
+        assert refusal_said(why, words_of(ENGLISH)) == why
+
+
+def test_one_thing_has_one_name_in_a_catalogue_and_figures_have_the_sign_of_the_language() -> None:
+    for language, others in (("de", "Abtrieb|Verdrehung"), ("zh", "转矩")):
+        assert [text for text in messages(language).values() if re.search(others, text)] == []
+    assert words_of("de").number("-1.25 N·m, ≥ 95") == "-1,25 N·m, ≥ 95"
+    assert [words_of(one).number("1.25") for one in ("en", "zh")] == ["1.25", "1.25"]
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -6,6 +6,7 @@ import sqlite3
 import time
 from collections.abc import Iterator
 from contextlib import closing
+from itertools import pairwise
 from pathlib import Path
 
 import pytest
@@ -14,6 +15,7 @@ from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
 
 from station.web.pages.frame import PAGES, SESSION_EVERY_S
+from station.web.pages.operator import NO_BAD_UNIT, SCAN_NEXT, TYPED
 from station.web.people.badges import assign_badge
 from station.web.people.database import StationDatabase
 from station.web.scanner_test import AS_GERMAN
@@ -50,6 +52,9 @@ FAST = """text => [...text, "Enter"].forEach(
 
 FAST_WITH_CAPS_LOCK = FAST.replace("cancelable: true", "cancelable: true, modifierCapsLock: true")
 CODE = ScannerTest().code
+GAP_PX = 8
+"""Least distance of two buttons that mean something else, for a finger in a glove."""
+
 BADGE, PIN = "B-100042", "8305"
 
 
@@ -112,21 +117,70 @@ def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_nex
     assert shown(page, "FAIL") == "FAIL"
     assert page.locator(".lm-tile svg rect").count() == 1
     assert "NOK box" in page.inner_text(".lm-do")
+    assert page.locator(".lm-nok:visible").count() == 1, "whoever scans no other unit confirms it too"
     scan(page, "BAD-1")
-    page.click("text=The bad unit is in the NOK box")
+    page.wait_for_selector(".lm-refused:visible")
+    assert "BAD-1" in page.inner_text(".lm-scanned")
+    for language in ("Deutsch", "English"):
+        page.click(f"text={language}")
+        page.wait_for_selector(".lm-nok:visible")
+        scan(page, "BAD-1")
+        page.wait_for_selector(".lm-cancel:visible")
+        assert page.evaluate("document.documentElement.scrollHeight <= innerHeight"), language
+        for one in (".lm-nok", ".lm-cancel"):
+            box = page.locator(one).bounding_box()
+            assert box["y"] + box["height"] <= page.viewport_size["height"], f"{language} {one}"
+    page.wait_for_selector(".lm-refused:visible >> text=Not taken")
+    page.click(".lm-nok")
+    page.wait_for_selector(".lm-refused:visible >> text=Scan unit BAD-1 again")
+    page.wait_for_selector(".lm-tile.lm-put-away .lm-confirmed")
+    assert shown(page, "FAIL"), "nothing starts by the confirmation alone"
+    scan(page, "BAD-1")
+    page.wait_for_selector(".lm-reason:visible")
+    boxes = [one.bounding_box() for one in page.locator(".lm-answers .lm-button").all()]
+    assert all(
+        two["x"] >= one["x"] + one["width"] + GAP_PX or two["y"] >= one["y"] + one["height"] + GAP_PX
+        for one, two in pairwise(boxes)
+    ), "nobody gives another reason by a slip of the finger"
+    page.click(".lm-cancel")
+    page.wait_for_selector(".lm-refused", state="hidden")
+    assert shown(page, "FAIL"), "who cancels leaves the unit alone"
+    scan(page, "BAD-1")
     page.click("text=seating of the unit")
     shown(page, "STARTING", "TESTING")
     assert shown(page, "FAIL") == "FAIL"
-    assert "attempt 2" in page.inner_text(".lm-serial")
+    unit, attempt = page.inner_text(".lm-serial").split(" · ")
+    assert (unit, "attempt 2" in attempt) == ("BAD-1", True)
+
+
+def test_a_bad_unit_is_put_away_by_the_code_on_the_box_and_the_page_says_by_whom(page: playwright.Page) -> None:
+    page.wait_for_selector(".lm-nok:visible")
+    page.evaluate(FAST, "nok")
+    page.wait_for_selector(".lm-tile.lm-put-away")
+    page.wait_for_selector(".lm-nok", state="hidden")
+    for _ in range(2):
+        assert "the operator" in page.inner_text(".lm-confirmed")
+        assert page.inner_text(".lm-do") == SCAN_NEXT
+        page.reload()
+        page.wait_for_selector(".lm-tile.lm-put-away .lm-confirmed")
+    page.evaluate(FAST, "NOK")
+    refused(page, NO_BAD_UNIT)
+    assert shown(page, "FAIL"), "a bad unit was confirmed, and nothing was started"
     scan(page, "SN-3")
-    page.click("text=The bad unit is in the NOK box")
     shown(page, "STARTING", "TESTING")
     shown(page, "PASS")
+    assert page.locator(".lm-put-away, .lm-confirmed, .lm-nok:visible").count() == 0
 
 
 def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: playwright.Page) -> None:
     page.keyboard.type("SN-9", delay=120)
     page.keyboard.press("Enter")
+    refused(page, TYPED)
+    assert "SN-9" in page.inner_text(".lm-scanned")
+    page.evaluate(FAST, "x")
+    refused(page, TYPED)
+    page.click(".lm-cancel")
+    page.wait_for_selector(".lm-refused", state="hidden")
     for ask in (lambda text: scan(page, text), lambda text: page.evaluate(FAST, text)):
         ask("sn?8")
         refused(page, "No model has serial numbers like")

@@ -77,7 +77,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "previous_step_passed": dataclasses.replace(good, previous_step=FAILED_BEFORE),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "recipe_released": dataclasses.replace(good, release=None),
-        "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1"),
+        "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1", bad_serial="SN-9"),
         "label_read": dataclasses.replace(good, label=str(Awaited("R0", "SN-0", PRINTED))),
         "study_step": dataclasses.replace(good, study=STUDY_STEP),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
@@ -105,6 +105,13 @@ def test_a_code_that_was_read_twice_in_one_is_no_unit(good: Situation) -> None:
         found = refusals(dataclasses.replace(good, model=loose, wanted=Wanted(serial)))
         assert [name for name, _ in found] == ([] if allowed else ["model_known"])
     assert refusals(dataclasses.replace(good, wanted=Wanted("1111"))) == [], "half of it would be none of this model"
+
+
+def test_a_bad_unit_is_named_by_its_serial_number_and_an_unreadable_record_by_its_run(good: Situation) -> None:
+    ((_, bad),) = refusals(dataclasses.replace(good, unconfirmed="R1", bad_serial="SN-9"))
+    ((_, unreadable),) = refusals(dataclasses.replace(good, unconfirmed="R1"))
+    assert ("SN-9" in bad, "R1" in bad) == (True, False)
+    assert ("R1" in unreadable, "cannot be read" in unreadable) == (True, True)
 
 
 def test_no_unit_is_measured_while_the_bench_is_jogged(good: Situation) -> None:

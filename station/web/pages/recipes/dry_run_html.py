@@ -11,7 +11,7 @@ from station.quality.text_on_trial import TextTrial, TextTried
 from station.reports.headline import remaining_reasons
 from station.reports.result_text import limits_text, unit_text
 from station.web.languages import ENGLISH, words_of
-from station.web.pages.operator import metrics_table
+from station.web.pages.operator_text import metrics_table
 from station.web.pages.quality.trial_html import NONE
 from station.web.pages.quality_figures import title_of
 from station.web.pages.words import NOT_BELIEVED, VERDICTS

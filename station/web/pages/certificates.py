@@ -34,8 +34,8 @@ STANDINGS: dict[str, Shown] = {
 """Style, shape, word and what to do, by what a code is."""
 
 WHAT_FOR = (
-    "A paper certificate of a unit carries a code, as a square and in letters. Enter it here to see whether this "
-    "station made the certificate, whether its record is as it was left, and what the paper has to say."
+    "The certificate of a unit carries a code, as a square and in letters. Enter it to see whether this station made "
+    "the certificate, whether the record of its run is unchanged, and what must stand on the paper."
 )
 
 

@@ -73,7 +73,7 @@ def samples_of(folder: Path, kept: Path) -> tuple[list[tuple[float, float]], np.
     for begin in range(0, len(content), RECORD_BYTES):
         view = reader.read(content[begin : begin + RECORD_BYTES])
         if view.cycle and view.torque_nm is not None and view.windup_arcmin is not None:
-            shown.append((round(view.windup_arcmin, 4), round(view.torque_nm, 2)))
+            shown.append((round(view.torque_nm, 2), round(view.windup_arcmin, 4)))
             at.append((told["started_ns"] + offset_ns) / 1e6 + 1000.0 * view.time_s)
     return shown, np.array(at)
 

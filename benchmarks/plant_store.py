@@ -110,7 +110,8 @@ def make_store(data: Path, count: int) -> None:
     """Make the folder with its chain, and its store with metrics, checks and alarms of every run."""
     many = count >= MANY
     every = timedelta(minutes=1 if many else 4)
-    make_runs(data, REAL, first=(count - REAL) * every // timedelta(minutes=4))
+    measured = min(REAL, count)
+    make_runs(data, measured, first=(count - measured) * every // timedelta(minutes=4))
     while bring_up(data, 60.0):
         pass
     chain, database = Chain(data), opened(data)
@@ -118,7 +119,7 @@ def make_store(data: Path, count: int) -> None:
         _begin_filling(connection)
         real = select(RUNS).where(RUNS.c.chain == chain.id).order_by(RUNS.c.run).limit(1)
         sample = dict(connection.execute(real).mappings().one())
-        rows = older_rows(sample, count - REAL, every)
+        rows = older_rows(sample, count - measured, every)
         while some := list(islice(rows, AT_A_TIME)):
             make_months(connection, (some[0]["run"], some[-1]["run"]))
             _put(connection, some)
@@ -130,7 +131,7 @@ def make_store(data: Path, count: int) -> None:
         _count_hours(connection)
         if not many:
             lines = chain.content.splitlines(keepends=True)
-            content = lines[0] + (lines[1] + lines[2]) * (count - REAL) + b"".join(lines[1:])
+            content = lines[0] + (lines[1] + lines[2]) * (count - measured) + b"".join(lines[1:])
             chain.path.write_bytes(content)
             there = {"offset": len(content), "prefix_sha256": hashlib.sha256(content).hexdigest()}
             seen = Chain(data).seen_now()

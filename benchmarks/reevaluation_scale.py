@@ -13,6 +13,7 @@ import contextlib
 import os
 import random
 import resource
+import secrets
 import shutil
 import signal
 import subprocess
@@ -117,6 +118,7 @@ def main() -> None:
     words.add_argument("--recipe")
     words.add_argument("--workers", type=int, default=2)
     given = words.parse_args()
+    os.environ.setdefault("RAY_AUTH_TOKEN", secrets.token_hex(32))  # of the cluster that this program starts
     with tempfile.TemporaryDirectory(prefix="lostmotion-scale-") as scratch:
         data = Path(scratch) / "runs"
         begun = time.monotonic()

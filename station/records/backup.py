@@ -58,12 +58,15 @@ class Kept:
 
 @dataclass(frozen=True, kw_only=True)
 class KeptFile:
-    """A file of a data folder in a backup; private: not everybody could read it, so its owner alone shall."""
+    """A file of a data folder in a backup; private: not everybody could read it, so its owner alone shall.
+
+    A backup of an older version does not say it: any of its files may hold a secret.
+    """
 
     path: str
     bytes: int
     sha256: str
-    private: bool = False
+    private: bool = True
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -10,7 +10,7 @@ from datetime import datetime, timedelta
 from typing import NamedTuple
 
 from recipes.schema.bench_schema import Bench, MasterPart
-from station.documents.manifest import MASTER, Manifest
+from station.documents.manifest import MASTER, Manifest, VerdictName
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -18,6 +18,20 @@ from station.records.run_record import RESULT, RunRecord
 from station.records.seal import alterations
 
 COMPLETE = "complete"
+
+
+AS_IT_SHOULD = "The master part read as it should. Put it back in its place."
+NOT_AS_IT_SHOULD = "The master part does not read as it should: the bench may measure wrong. Call the technician."
+NOT_MEASURED = "The master part was not measured. Measure it again, or call the technician."
+
+
+def to_do_with_part(expected: VerdictName, verdict: str) -> str:
+    """Return what is done with a master part after a verdict; '' of a good one that failed: it is put away as any."""
+    if verdict == "NOT DECIDABLE":
+        return NOT_MEASURED
+    if verdict == expected:
+        return AS_IT_SHOULD
+    return NOT_AS_IT_SHOULD if verdict == "PASS" else ""
 
 
 class MasterCheck(NamedTuple):

@@ -23,6 +23,7 @@ from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
+from station.records.master_parts import to_do_with_part
 from station.records.run_record import RECORDING, RESULT, RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations, is_sealed
@@ -53,8 +54,8 @@ class Now:
     """What the bench does: nothing yet, a run that starts, runs or has ended, with its result.
 
     attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
-    loop: wind-up [arcmin] and torque [N·m]. altered: why the record of the run that has ended is not to be believed.
-    to_do: what the recipe says is done with the unit after this verdict, '' where it says nothing.
+    loop: torque [N·m] and wind-up [arcmin]. altered: why the record of the run that has ended is not to be believed.
+    to_do: what is done with the unit after this verdict: what the recipe says, or a master part needs; '' of neither.
     record: the newest record of the scan, empty where none was read here; program: by which it was made.
     """
 
@@ -227,7 +228,7 @@ class Running:
             return replace(said, view=watched.view, loop=tuple(watched.loop))
         found = record.read(Result, RESULT) if record.has(RESULT) else None
         altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
-        to_do = "" if found is None or watched.recipe is None else watched.recipe.what_to_do.after(found.verdict)
+        to_do = "" if found is None else _to_do(watched, found, manifest.unit.master)
         over = replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered, to_do=to_do)
         return self._is_over(over)
 
@@ -259,6 +260,13 @@ def _watched(record: RunRecord) -> _Watched:
         return _Watched(record, None, None)
 
 
+def _to_do(watched: _Watched, found: Result, master: str | None) -> str:
+    """Return what is done with the unit after its verdict, '' where nobody but the page says it."""
+    if master is not None and (of_part := to_do_with_part(master, found.verdict)):
+        return of_part
+    return "" if watched.recipe is None else watched.recipe.what_to_do.after(found.verdict)
+
+
 def _read_on(watched: _Watched) -> None:
     """Read the records that have come since the last look; the newest is the view, some of the others are the loop."""
     if watched.reader is None:
@@ -274,5 +282,5 @@ def _read_on(watched: _Watched) -> None:
             watched.newest = content[number * RECORD_BYTES : (number + 1) * RECORD_BYTES]
             watched.view = view = watched.reader.read(watched.newest)
             if view.cycle and view.torque_nm is not None and view.windup_arcmin is not None:
-                watched.loop.append((round(view.windup_arcmin, 4), round(view.torque_nm, 2)))
+                watched.loop.append((round(view.torque_nm, 2), round(view.windup_arcmin, 4)))
         watched.read_bytes += count * RECORD_BYTES

@@ -12,6 +12,7 @@ from recipes import RecipeError
 from station.bench.request import load_job
 from station.errors import StationError
 from station.records.data_folder import Store
+from station.records.master_parts import to_do_with_part
 from station.records.run_record import RECORDING
 from station.run.next_run import NextRun
 from station.web.running import NEWEST, RUNNING, Now, Running
@@ -39,6 +40,14 @@ class AtTerminal(Running):
         words = [*options, "--serial", serial, "--data", str(self._data_folder)]
         self._run_of_unit = self._ahead.start(words, stdout=sys.stdout.fileno(), stderr=sys.stderr.fileno())
         self.likely = likely
+
+    def to_do_with_part(self, serial: str, verdict: str) -> str:
+        """Return what is done with a master part after a verdict, '' with any other unit."""
+        recipe, bench = self.likely
+        with suppress(RecipeError, StationError):
+            part = load_job(recipe, bench or None).bench.master_part(serial)
+            return "" if part is None else to_do_with_part(part.expect, verdict)
+        return ""
 
     def to_do_after(self, verdict: str) -> str:
         """Return what the recipe of the newest unit says is done after a verdict, '' where it says nothing."""

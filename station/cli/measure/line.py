@@ -18,7 +18,7 @@ from station.cli.measure.at_terminal import AtTerminal
 from station.cli.measure.scans import Scans
 from station.errors import StationError
 from station.records.certificate_code import names_a_run
-from station.records.data_folder import check_operator
+from station.records.data_folder import Store, check_operator
 from station.reports.result_text import VERDICT_STYLES
 from station.web.actions.perform import perform_here, refuse_here
 from station.web.actions.row import BAD_INPUT, OK, Answer
@@ -28,7 +28,7 @@ from station.web.bypasses import bypasses_now
 from station.web.labels import outbox
 from station.web.labels.settings import load_labels
 from station.web.mes.settings import load_mes
-from station.web.models import load_models
+from station.web.models import ModelsFile, load_models
 from station.web.people.accounts import session_here
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
@@ -141,11 +141,15 @@ class Line:
             self._say(f"The unit of run {bad} is put away. {DO['PASS']}")
 
     def _print_again(self) -> None:
-        """Have the awaited label printed once more, or the newest one where none is awaited."""
+        """Have the awaited label printed once more, or that of the newest run where none is awaited.
+
+        It goes on the unit in the operator's hand: that of an earlier run is another unit's.
+        """
         labels = self._station.labels
         with self._station.database.reading() as connection:
             awaited = None if labels is None else outbox.awaited(connection, labels)
-            run = outbox.newest_run(connection) if awaited is None else awaited.run
+        newest = [one.id for one in Store(self._station.data).newest(1)]
+        run = awaited.run if awaited is not None else "".join(newest)
         if (answer := self._done("print_label", {"run": run})) and isinstance(answer.said, LabelTold):
             self._say(f"The label of run {run} is printed again, as copy {answer.said.copy_number}. {self._awaited()}")
 
@@ -199,12 +203,15 @@ class Line:
         if answer.status != OK:
             return
         self.has_run, serial = True, serial_of(scanned)
-        own = {verdict: self._bench.to_do_after(verdict) for verdict in DO}  # while it runs: as the recipe is now
+        told = {verdict: self._to_do(serial, verdict) for verdict in DO}  # while it runs: as the recipe is now
         verdict = ENDINGS.get(self._bench.wait(), "")
         if verdict:
-            self._say(f"{verdict}  {serial}  {to_do(own[verdict], verdict)}")
+            self._say(f"{verdict}  {serial}  {told[verdict]}")
         else:
             self._say(f"NO RESULT  {serial}  {ELSE}")
+
+    def _to_do(self, serial: str, verdict: str) -> str:
+        return self._bench.to_do_with_part(serial, verdict) or to_do(self._bench.to_do_after(verdict), verdict)
 
     def _done(self, action: str, values: dict[str, JsonValue]) -> Answer | None:
         """Do an action; None where it was refused, which is said."""
@@ -241,12 +248,14 @@ def line(data: Path, models: Path | None, operator: str | None, extra: Sequence[
     except OSError as error:
         raise StationError(f"--data {data}: cannot be made: {error.strerror}. Choose another folder") from error
     name = None if operator is None else check_operator(operator)
+    models_file = ModelsFile(data, models)  # before it is read: a change while it is read is seen
     scans, table, settings = Scans(sys.stdin.fileno()), load_models(data, models), load_settings(data)
     settings.use_time_zone()
     bench = AtTerminal(data, likely_first(data, table))
     station = Station(
-        data, StationDatabase(data), table, bench, tuple(extra), load_mes(data), settings, load_labels(data)
-    )
+        data, StationDatabase(data), table, bench, tuple(extra), load_mes(data), settings, load_labels(data),
+        models_file=models_file,
+    )  # fmt: skip
     with closing(station), _printing(station):
         loop = Line(station, bench, name, _told)
         loop.begin()

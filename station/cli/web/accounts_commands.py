@@ -35,12 +35,19 @@ def recipes_list(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -
     from station.records.revisions.history import History
 
     history = History(data)
-    rows = [(one.name, one.revision, one.state.value, one.released_by or "") for one in history.all()]
+    rows = [
+        (one.name, one.revision, one.state.value, one.released_by, one.sent_back_by, one.reason)
+        for one in history.all()
+    ]
     if as_json:
-        names = ("name", "revision", "state", "released_by")
+        names = ("name", "revision", "state", "released_by", "sent_back_by", "reason")
         sys.stdout.write(json.dumps([dict(zip(names, row, strict=True)) for row in rows], ensure_ascii=False) + "\n")
     else:
-        lines = [*history.problems, *(f"{name:32} r{number:<4} {state:12} {by}" for name, number, state, by in rows)]
+        told = (
+            f"{name:32} r{number:<4} {state:15} {f'sent back by {back}: {why}' if back else by}"
+            for name, number, state, by, back, why in rows
+        )
+        lines = [*history.problems, *told]
         sys.stdout.write("".join(f"{line}\n" for line in lines))
 
 
@@ -88,6 +95,18 @@ def recipes_save(
 def recipes_ask(name: RecipeName, revision: RevisionArgument, who: WhoOption, data: DataOption = DEFAULT_DATA) -> None:
     """Ask for the release of a draft."""
     done_as(data, who, "ask_release", _as_read(data, name, revision))
+
+
+@recipes_app.command("send-back")
+def recipes_send_back(
+    name: RecipeName,
+    revision: RevisionArgument,
+    who: WhoOption,
+    reason: Annotated[str, typer.Option("--reason", metavar="TEXT", help="What the authors shall change.")],
+    data: DataOption = DEFAULT_DATA,
+) -> None:
+    """Send a recipe back to its authors, whose release they have asked for."""
+    done_as(data, who, "send_recipe_back", {**_as_read(data, name, revision), "reason": reason})
 
 
 @recipes_app.command("release")

@@ -13,6 +13,7 @@ Entries of the same form tell what became of the revisions of recipes, in a file
 |---|---|
 | `recipe_saved` | a person saved this text as a draft of a revision |
 | `recipe_asked` | a person asked that the draft be released |
+| `recipe_sent_back` | a person sent the draft back to its authors, and says why |
 | `recipe_released` | a person who is none of its authors released it |
 
 And so do those of a guided study, in a file for each (`studies`):
@@ -38,6 +39,7 @@ from station.records.chain.keys import BenchKey, signed_by
 
 START, CREATED, SEALED, LOST, REMOVED = "start", "created", "sealed", "lost", "removed"
 RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED = "recipe_saved", "recipe_asked", "recipe_released"
+RECIPE_SENT_BACK = "recipe_sent_back"
 STUDY_BEGUN, STUDY_TAKEN = "study_begun", "study_taken"
 FIELDS: dict[str, tuple[str, ...]] = {
     START: ("chain", "before", "replaces"),
@@ -47,6 +49,7 @@ FIELDS: dict[str, tuple[str, ...]] = {
     REMOVED: ("run", "serial", "sha256", "rule", "person", "trace"),
     RECIPE_SAVED: ("name", "revision", "recipe", "person"),
     RECIPE_ASKED: ("name", "revision", "recipe", "person"),
+    RECIPE_SENT_BACK: ("name", "revision", "recipe", "person", "reason"),
     RECIPE_RELEASED: ("name", "revision", "recipe", "person"),
     STUDY_BEGUN: ("name", "plan", "person"),
     STUDY_TAKEN: ("name", "step", "run", "sha256", "person"),
@@ -68,6 +71,7 @@ _TEXTS = (
     "state",
     "name",
     "person",
+    "reason",
     "rule",
     "trace",
 )

@@ -29,6 +29,7 @@ from station.records.chain.entries import (
     RECIPE_ASKED,
     RECIPE_RELEASED,
     RECIPE_SAVED,
+    RECIPE_SENT_BACK,
     Entry,
     entry_of,
 )
@@ -36,7 +37,7 @@ from station.records.chain.walk import trust_of
 from station.records.revisions.revision import THE_PROGRAM, Event, Revision, RevisionError, State, after, hash_of
 
 HISTORY = "recipes.jsonl"
-KINDS = (RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED)
+KINDS = (RECIPE_SAVED, RECIPE_ASKED, RECIPE_SENT_BACK, RECIPE_RELEASED)
 
 
 @lru_cache(maxsize=1)
@@ -139,7 +140,8 @@ class History:
 def event_of(entry: Entry) -> Event:
     """Return what a line of the history says."""
     said = entry.fields
-    return Event(entry.kind, said["name"], said["revision"], said["recipe"], said["person"], said["time"])
+    what = (entry.kind, said["name"], said["revision"], said["recipe"], said["person"], said["time"])
+    return Event(*what, said.get("reason", ""))
 
 
 def _content(path: Path) -> bytes:

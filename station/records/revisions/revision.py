@@ -17,6 +17,7 @@ from station.errors import RecordError, StationError
 from station.records.chain.entries import (
     RECIPE_ASKED,
     RECIPE_SAVED,
+    RECIPE_SENT_BACK,
 )
 
 TEXTS = "recipes"
@@ -40,7 +41,10 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Revision:
-    """One revision of a recipe: its text by hash and file, who wrote it, and who has released it; times in UTC."""
+    """One revision of a recipe: its text by hash and file, who wrote it, and who has released it; times in UTC.
+
+    sent_back_by, reason: of a draft whose release was asked for and not given; a new text has neither.
+    """
 
     name: str
     revision: int
@@ -50,6 +54,8 @@ class Revision:
     authors: tuple[str, ...] = ()
     saved: str = ""
     asked_by: str = ""
+    sent_back_by: str = ""
+    reason: str = ""
     released_by: str = ""
     released: str = ""
 
@@ -80,7 +86,7 @@ class Revision:
 
 
 class Event(NamedTuple):
-    """One thing that a person did to a revision."""
+    """One thing that a person did to a revision; reason: why it was sent back."""
 
     kind: str
     name: str
@@ -88,6 +94,7 @@ class Event(NamedTuple):
     sha256: str
     person: str
     time: str
+    reason: str = ""
 
 
 def after(before: Revision | None, event: Event, data: Path) -> Revision:
@@ -109,9 +116,11 @@ def after(before: Revision | None, event: Event, data: Path) -> Revision:
     if before.sha256 != event.sha256:
         raise RevisionError(f"{title} was changed by somebody else. Load the new text and read it")
     if event.kind == RECIPE_ASKED:
-        return replace(before, state=State.ASKED, asked_by=event.person)
+        return replace(before, state=State.ASKED, asked_by=event.person, sent_back_by="", reason="")
     if before.state is not State.ASKED:
         raise RevisionError(f"{title} is a draft. Its author has to ask for the release first")
+    if event.kind == RECIPE_SENT_BACK:
+        return replace(before, state=State.DRAFT, sent_back_by=event.person, reason=event.reason)
     if event.person in before.authors:
         raise RevisionError(f"{title} was written by {event.person}. Another person has to release it")
     return replace(before, state=State.RELEASED, released_by=event.person, released=event.time)

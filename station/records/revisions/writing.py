@@ -1,4 +1,4 @@
-"""What people do to a revision of a recipe: save a draft, ask for its release, release it; one at a time."""
+"""What people do to a revision of a recipe: save a draft, ask for its release, release it or send it back."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from station.records.chain.entries import (
     RECIPE_ASKED,
     RECIPE_RELEASED,
     RECIPE_SAVED,
+    RECIPE_SENT_BACK,
     signed_entry,
 )
 from station.records.chain.keys import leave_in_folder, own_key
@@ -73,6 +74,17 @@ def ask_release(data: Path, name: str, revision: int, sha256: str, person: str) 
     return _done(data, Event(RECIPE_ASKED, name, revision, sha256, person, now_text()))
 
 
+def send_back(data: Path, name: str, revision: int, sha256: str, person: str, reason: str) -> Revision:  # noqa: PLR0917 - a line of the history
+    """Send a draft back to its authors, by the hash of the text that the person has read, and say why.
+
+    Raises:
+        RevisionError: nobody has asked for its release, or it was changed.
+        RecordError: it cannot be written.
+
+    """
+    return _done(data, Event(RECIPE_SENT_BACK, name, revision, sha256, person, now_text(), reason))
+
+
 def release(data: Path, name: str, revision: int, sha256: str, person: str) -> Revision:
     """Release a revision, by the hash of the text that the person has read.
 
@@ -107,6 +119,7 @@ class _Writer:
         data, entries, key = self.history.data, self.history.entries, own_key()
         last = entries[-1] if entries else None
         fields = {"name": event.name, "revision": event.revision, "recipe": event.sha256, "person": event.person}
+        fields |= {"reason": event.reason}  # taken by the kind that has one
         counter, previous = (1, "") if last is None else (last.counter + 1, last.sha256)
         entry = signed_entry(event.kind, counter, previous, event.time, key, **fields)
         path = data / HISTORY

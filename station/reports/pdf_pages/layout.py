@@ -48,8 +48,8 @@ VERDICT_COLOURS = {
     "PASS": HexColor("#1b7f3b"),
     "FAIL": HexColor("#b3261e"),
     "fault": HexColor("#b3261e"),
-    "NOT DECIDABLE": HexColor("#b26a00"),
-    "stopped": HexColor("#b26a00"),
+    "NOT DECIDABLE": HexColor("#9c5a00"),
+    "stopped": HexColor("#9c5a00"),
 }
 BADGE_COLOUR = HexColor("#7b1fa2")
 BODY, BOLD, MONO = "LM", "LM-Bold", "LM-Mono"

@@ -1,4 +1,4 @@
-"""Actions about recipes: save a draft, try it, ask for its release, release it."""
+"""Actions about recipes: save a draft, try it, ask for its release, release it or send it back."""
 
 from __future__ import annotations
 
@@ -7,7 +7,14 @@ from station.records.revisions import writing
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision
 from station.web.actions.row import Call
-from station.web.actions.values import DryRunStarted, RecipeChanged, RecipeRevision, RecipeText, RecipeTried
+from station.web.actions.values import (
+    DryRunStarted,
+    RecipeChanged,
+    RecipeRevision,
+    RecipeSentBack,
+    RecipeText,
+    RecipeTried,
+)
 from station.web.recipe_text.check import BadRecipeError, bench_of, encoded, refuse_unfit
 from station.web.station import Station
 
@@ -31,6 +38,12 @@ def release_recipe(call: Call, given: RecipeRevision) -> RecipeChanged:
     """Release what another person has written; BadRecipeError: it cannot be run here."""
     _refuse_unfit(call.station, given)
     return _changed(writing.release(call.station.data, given.name, given.revision, given.sha256, call.person.name))
+
+
+def send_recipe_back(call: Call, given: RecipeSentBack) -> RecipeChanged:
+    """Send a draft back to its authors; RevisionError: nobody has asked for its release."""
+    what = (given.name, given.revision, given.sha256, call.person.name, given.reason)
+    return _changed(writing.send_back(call.station.data, *what))
 
 
 def try_recipe(call: Call, given: RecipeTried) -> DryRunStarted:

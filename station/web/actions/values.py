@@ -13,7 +13,7 @@ from recipes.text.yaml_source import LARGEST_FILE
 from station.web.bypasses import LONGEST_HOURS
 
 ReasonText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=3, max_length=200)]
-"""Why somebody lets something pass: some words, for blanks give no reason."""
+"""Why somebody lets something pass, or does not: some words, for blanks give no reason."""
 
 
 class Values(BaseModel):
@@ -203,6 +203,12 @@ class RecipeRevision(Values):
     name: Name
     revision: RevisionNumber
     sha256: str = Field(pattern="^[0-9a-f]{64}$")
+
+
+class RecipeSentBack(RecipeRevision):
+    """A revision of a recipe that is not released as it is, and why."""
+
+    reason: ReasonText
 
 
 class Outcome(BaseModel):

@@ -165,11 +165,6 @@ def _stage(row: Any) -> str:
     return TO_PRINT if row.sent_at is None else SENT
 
 
-def newest_run(connection: Connection) -> str:
-    """Return the run of the newest label, '' where there is none."""
-    return connection.execute(select(LABELS.c.run).order_by(LABELS.c.number.desc()).limit(1)).scalar() or ""
-
-
 class WrongLabelError(StationError):
     """What was scanned is a label, and not the one that is awaited."""
 

@@ -60,6 +60,8 @@ TYPED = "This was typed by hand, or is too short for a code. A unit starts only 
 LABEL_READ = "The label of unit {serial} is on it. Scan the next unit."
 LABEL_FIRST = "Put the label on the unit and scan it."
 PRINT_AGAIN = "Print the label again"
+STOP = "Stop the run"
+STOPPING = "The run is being stopped: the torque goes to zero."
 RETEST_REASONS = ("seating of the unit", "result not decidable", "technician asked for it")
 
 
@@ -140,6 +142,8 @@ class _Page:
                 self._tile = ui.html(sanitize=False).classes("lm-tile").props('role="status" aria-live="polite"')
                 self._nok = ui.button(self._words(PUT_AWAY), on_click=self._put_away).classes("lm-button lm-nok")
                 self._nok.set_visibility(False)
+                self._stop = ui.button(self._words(STOP), on_click=self._stop_run, color=None)
+                self._stop.classes("lm-button lm-second lm-stop").set_visibility(False)
                 self._refused = ui.element("div").classes("lm-refused").props('role="alert"')
                 self._refused.set_visibility(False)
                 self._bypasses = ui.label().classes("lm-bypasses")
@@ -173,6 +177,7 @@ class _Page:
             self._bad = await asyncio.to_thread(bad_unit, self._station, now.run) if now.stage == ENDED else None
             self._bad_of = (now.stage, now.run)
         self._nok.set_visibility(self._bad is not None and not self._bad.by)
+        self._stop.set_visibility(now.stage == IS_RUNNING)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
         self._loop.show(now)
         view = now.view
@@ -345,6 +350,13 @@ class _Page:
         if answer.status == OK and waits:
             self._tell(SCAN_AGAIN, serial=waits)
 
+    async def _stop_run(self) -> None:
+        """Stop the run that is on, by one click: who wants it stopped is not asked whether they are sure."""
+        answer = await self._perform("stop_run", {}, secrets.token_hex(16))
+        self._say(answer, "")
+        if answer.status == OK:
+            self._tell(STOPPING)
+
     async def _again(self, scanned: str, reason: str) -> None:
         await self._start(scanned, reason, secrets.token_hex(16))
 
@@ -362,7 +374,7 @@ def _chart_options(say: Words) -> Options:
     return {
         "animation": False,
         "grid": {"left": 90, "right": 30, "top": 20, "bottom": 60},
-        "xAxis": {**axis, "name": say("wind-up in arcmin"), "nameGap": 36},
-        "yAxis": {**axis, "name": say("torque at the output in N·m"), "nameGap": 62},
+        "xAxis": {**axis, "name": say("torque at the output in N·m"), "nameGap": 36},
+        "yAxis": {**axis, "name": say("wind-up in arcmin"), "nameGap": 62},
         "series": [{"type": "line", "data": [], "showSymbol": False, "lineStyle": {"width": 3, "color": "#2f4a5e"}}],
     }

@@ -37,6 +37,8 @@ class ToldRevision(BaseModel):
     authors: tuple[str, ...]
     saved: str
     asked_by: str
+    sent_back_by: str
+    reason: str
     released_by: str
     released: str
 

@@ -63,6 +63,10 @@ def test_a_recipe_is_released_by_a_second_person_without_a_screen(terminal: Term
     assert terminal.run("recipes", "release", "lathe-7", "1", role="operator").exit_code == 2
     assert terminal.run("recipes", "release", "lathe-7", "1", role="quality", typed=("wrong one",)).exit_code == 2
     assert "released" not in [one.state.value for one in History(terminal.data).all() if one.name == "lathe-7"]
+    why = ("--reason", "the limit is too wide")
+    assert terminal.run("recipes", "send-back", "lathe-7", "1", *why, role="quality").exit_code == 0
+    assert "sent back by the quality: the limit is too wide" in terminal.run("recipes", "list").out
+    assert terminal.run("recipes", "ask", "lathe-7", "1", role="engineer").exit_code == 0
     assert terminal.run("recipes", "release", "lathe-7", "1", role="quality").exit_code == 0
     (shown,) = (one for one in terminal.run("recipes", "list", "--json").json if one["name"] == "lathe-7")
     assert (shown["state"], shown["released_by"]) == ("released", "the quality")

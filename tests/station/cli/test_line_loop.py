@@ -255,3 +255,23 @@ def test_scans_become_runs_over_wires_and_those_during_a_run_are_refused(tmp_pat
     assert here("audit", "verify", "--data", str(data)).exit_code == 0
     (run,) = here("list", "--data", str(data), "--json").json
     assert (run["serial"], run["verdict"]) == ("SN-7", "PASS")
+
+
+def test_the_table_of_models_is_read_again_when_it_has_changed(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    write_models(data)
+    command = [sys.executable, "-m", "station", "line", "--data", str(data), "--operator", "A. Tester", "--fast"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as line:
+        assert line.stdin is not None
+        assert line.stdout is not None
+        line.stdin.write("none-1\n")
+        line.stdin.flush()
+        while "No model has serial numbers like" not in (said := line.stdout.readline()):
+            assert said, "it has ended"
+        (data / "models.yaml").write_text("models: none\n", encoding="utf-8")
+        line.stdin.write("none-2\n")
+        line.stdin.close()
+        said = line.stdout.read()
+    assert "the table of models has changed and is wrong" in said
+    assert line.returncode == 0

@@ -110,7 +110,8 @@ def test_a_backup_of_an_older_version_does_not_say_what_is_private(data: Path, t
             entry.size = len(text)
             made.addfile(entry, io.BytesIO(text))
     restore(older, tmp_path / "restored")
-    assert (tmp_path / "restored" / FILE).stat().st_mode & 0o777 == 0o600
+    modes = {one.stat().st_mode & 0o777 for one in (tmp_path / "restored").rglob("*") if one.is_file()}
+    assert modes == {0o600}, "any of them may hold a secret"
     assert content(tmp_path / "restored") == content(data)
 
 

@@ -17,7 +17,13 @@ from station.cli.line.stored_values import stored_values
 from station.documents.manifest import MASTER
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.master_parts import master_parts
+from station.records.master_parts import (
+    AS_IT_SHOULD,
+    NOT_AS_IT_SHOULD,
+    NOT_MEASURED,
+    master_parts,
+    to_do_with_part,
+)
 
 GOOD = MasterPart(serial="MASTER-1", expect="PASS", every_s=86400.0)
 BAD = MasterPart(serial="MASTER-2", expect="FAIL", every_s=8 * 3600.0)
@@ -127,3 +133,20 @@ def test_a_bench_file_names_each_master_part_once() -> None:
     assert bench.master_part("SN-1") is None
     with pytest.raises(RecipeError, match="'M1' a second time"):
         parse_bench((text + parts.replace("M2", "M1")).encode(), "bench.yaml")
+
+
+@pytest.mark.parametrize(
+    ("expected", "verdict", "said"),
+    [
+        ("FAIL", "FAIL", AS_IT_SHOULD),
+        ("FAIL", "PASS", NOT_AS_IT_SHOULD),
+        ("PASS", "PASS", AS_IT_SHOULD),
+        ("PASS", "FAIL", ""),
+        ("FAIL", "NOT DECIDABLE", NOT_MEASURED),
+        ("PASS", "NOT DECIDABLE", NOT_MEASURED),
+    ],
+)
+def test_what_is_done_with_a_master_part_follows_from_what_it_should_read(
+    expected: str, verdict: str, said: str
+) -> None:
+    assert to_do_with_part(expected, verdict) == said

@@ -13,16 +13,15 @@ from lostmotion_command import here
 from recipes import RecipeError, shipped_recipes
 from station.errors import RecordError
 from station.own_place import PLACE
-from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED
-from station.records.revisions.history import HISTORY, History
+from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED, RECIPE_SENT_BACK
+from station.records.revisions.history import HISTORY, KINDS, History
 from station.records.revisions.revision import Event, Revision, RevisionError, State, after
-from station.records.revisions.writing import ask_release, release, save_draft
+from station.records.revisions.writing import ask_release, release, save_draft, send_back
 
 NAME = "rv-40e-121-quick"
 PEOPLE = ("Ada", "Bea", "Cy")
 EVENTS = st.lists(
-    st.tuples(st.sampled_from((RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED)), st.sampled_from("ab"),
-              st.sampled_from(PEOPLE)),
+    st.tuples(st.sampled_from(KINDS), st.sampled_from("ab"), st.sampled_from(PEOPLE)),
     max_size=14,
 )  # fmt: skip
 
@@ -59,7 +58,8 @@ def test_whatever_people_try_what_is_released_never_changes_and_nobody_releases_
             continue
         assert before is None or before.state is not State.RELEASED, "nothing is done to a released revision"
         wrote |= {person} if kind == RECIPE_SAVED else set()
-        asked = (asked and kind != RECIPE_SAVED) or kind == RECIPE_ASKED
+        asked = (asked and kind not in {RECIPE_SAVED, RECIPE_SENT_BACK}) or kind == RECIPE_ASKED
+        assert bool(now.sent_back_by) == (kind == RECIPE_SENT_BACK)
         assert set(now.authors) == wrote
         if now.state is State.RELEASED:
             assert kind == RECIPE_RELEASED
@@ -67,7 +67,7 @@ def test_whatever_people_try_what_is_released_never_changes_and_nobody_releases_
             assert asked, "somebody has asked for the release of this very text"
             assert sha256 == before.sha256
     if now is not None and now.state is State.RELEASED:
-        for kind in (RECIPE_SAVED, RECIPE_ASKED, RECIPE_RELEASED):
+        for kind in KINDS:
             for sha256 in (now.sha256, "another"):
                 with pytest.raises(RevisionError):
                     after(now, Event(kind, NAME, 3, sha256, "Cy", "t"), Path())
@@ -89,6 +89,26 @@ def test_a_revision_goes_from_its_author_to_its_release_and_is_what_the_name_mea
     assert found.text() == text(3)
     assert [event.person for event in history.events(NAME)] == ["Ada", "Ada", "Bea"]
     assert history.problems == history.text_problems() == []
+    assert here("verify", "--data", str(data)).exit_code == 0
+
+
+def test_what_is_sent_back_is_a_draft_with_a_reason_until_its_authors_ask_again(data: Path) -> None:
+    draft = save_draft(data, text(3), "Ada")
+    with pytest.raises(RevisionError, match="has to ask"):
+        send_back(data, NAME, 3, draft.sha256, "Bea", "the limit is too wide")
+    ask_release(data, NAME, 3, draft.sha256, "Ada")
+    with pytest.raises(RevisionError, match="changed"):
+        send_back(data, NAME, 3, "0" * 64, "Bea", "the limit is too wide")
+    sent = send_back(data, NAME, 3, draft.sha256, "Bea", "the limit is too wide")
+    assert sent == History(data).find(NAME, 3)
+    assert (sent.state, sent.sent_back_by, sent.reason) == (State.DRAFT, "Bea", "the limit is too wide")
+    with pytest.raises(RevisionError, match="has to ask"):
+        release(data, NAME, 3, draft.sha256, "Bea")
+    ask_release(data, NAME, 3, draft.sha256, "Ada")
+    assert release(data, NAME, 3, draft.sha256, "Bea").reason == ""
+    history = History(data)
+    assert [event.reason for event in history.events(NAME)] == ["", "", "the limit is too wide", "", ""]
+    assert history.problems == []
     assert here("verify", "--data", str(data)).exit_code == 0
 
 

@@ -178,6 +178,7 @@ VALUES = {
     "try_recipe": {"text": "text"},
     "ask_release": {"name": "n", "revision": 1, "sha256": "0" * 64},
     "release_recipe": {"name": "n", "revision": 1, "sha256": "0" * 64},
+    "send_recipe_back": {"name": "n", "revision": 1, "sha256": "0" * 64, "reason": "the limit is too wide"},
     "acknowledge_fault": {"recovery": "R"},
     "begin_jog": {"model": "P1", "speed": 1.0},
     "press_device": {"down": True},

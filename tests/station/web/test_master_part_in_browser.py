@@ -10,6 +10,7 @@ from served import Served, prepared, served
 from station_support import MODELS
 
 from recipes.shipped import find_bench
+from station.records.master_parts import NOT_AS_IT_SHOULD
 
 pytestmark = [pytest.mark.wires, pytest.mark.long, needs_browser]
 
@@ -53,6 +54,7 @@ def test_a_bad_master_part_that_passes_stops_production(station: Served, enter: 
     station.wait("running")
     assert station.wait("ended")["verdict"] == "PASS", "it should not"
     page.wait_for_function("() => document.querySelector('.lm-word').innerText === 'PASS'")
+    assert page.inner_text(".lm-do") == NOT_AS_IT_SHOULD, "a green tile alone would send it back to its place"
     for serial in ("SN-1", "BAD-2"):
         page.wait_for_timeout(500)
         scan(page, serial)

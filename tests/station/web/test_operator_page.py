@@ -15,7 +15,7 @@ from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
 
 from station.web.pages.frame import PAGES, SESSION_EVERY_S
-from station.web.pages.operator import NO_BAD_UNIT, SCAN_NEXT, TYPED
+from station.web.pages.operator import NO_BAD_UNIT, SCAN_NEXT, STOPPING, TYPED
 from station.web.people.badges import assign_badge
 from station.web.people.database import StationDatabase
 from station.web.scanner_test import AS_GERMAN
@@ -246,6 +246,17 @@ def test_a_badge_on_the_page_hands_the_bench_over_and_its_pin_lets_in(page: play
     refused(page, "Zu keinem Typ passt die Seriennummer")
     page.click("text=English")
     assert shown(page, "PASS")
+
+
+def test_a_run_is_stopped_by_one_click_and_its_unit_is_decided_by_nobody(page: playwright.Page) -> None:
+    assert page.locator(".lm-stop:visible").count() == 0, "there is nothing to stop"
+    scan(page, "SN-5")
+    page.wait_for_selector(".lm-stop:visible")
+    page.click(".lm-stop")
+    page.wait_for_selector(f".lm-refused:visible >> text={STOPPING}")
+    shown(page, "STOPPED")
+    assert page.locator(".lm-tile.OPEN").count() == 1
+    page.wait_for_selector(".lm-stop", state="hidden")
 
 
 def test_axe_finds_nothing_serious_on_any_page(station: Served, enter: Enter) -> None:

@@ -85,6 +85,17 @@ def test_a_limit_is_changed_by_one_person_released_by_another_and_used(station: 
     tab(quality, "Changes")
     quality.wait_for_selector(".lm-removed:has-text('min: 80')")
     assert quality.locator(".lm-added").count() == 2, "the limit, and the number of the revision"
+    press(quality, "Send back")
+    quality.wait_for_selector(".lm-refused:visible")
+    quality.fill(".lm-why-back input", "why 85?")
+    press(quality, "Send back")
+    state(quality, "draft")
+    technician.reload()
+    technician.wait_for_selector(".lm-sent-back:has-text('the quality: why 85?')")
+    press(technician, "Ask for release")
+    state(technician, "release asked")
+    quality.reload()
+    state(quality, "release asked")
     press(quality, "Release")
     state(quality, "released")
 

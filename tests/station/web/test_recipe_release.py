@@ -48,6 +48,15 @@ def test_a_second_person_releases_and_the_next_unit_is_measured_by_it(
     refused(technician.post("release_recipe", draft), 403, "role")
     refused(quality.post("release_recipe", draft), 409, "recipe")
     assert engineer.post("ask_release", draft).json()["state"] == "release asked"
+    back = draft | {"reason": "the limit is too wide"}
+    refused(technician.post("send_recipe_back", back), 403, "role")
+    assert quality.post("send_recipe_back", draft | {"reason": "  "}).status_code == 422, "blanks give no reason"
+    assert quality.post("send_recipe_back", back).json()["state"] == "draft"
+    listed = engineer.http.get("/api/recipes").json()["revisions"]
+    sent = next(one for one in listed if (one["name"], one["revision"]) == ("good", 2))
+    assert (sent["sent_back_by"], sent["reason"]) == ("the quality", "the limit is too wide")
+    refused(quality.post("release_recipe", draft), 409, "recipe")
+    assert engineer.post("ask_release", draft).json()["state"] == "release asked"
     assert "Another person" in refused(engineer.post("release_recipe", draft), 409, "recipe")
     assert quality.post("release_recipe", draft).json()["state"] == "released"
     refused(technician.post("save_recipe", {"text": golden(2, ("count: 1", "count: 2"))}), 409, "recipe")
@@ -61,7 +70,7 @@ def test_a_second_person_releases_and_the_next_unit_is_measured_by_it(
     changed = {"before": held | {"state": "release asked"}, "after": held | {"state": "released"}}
     assert done["save_recipe"] == ("the engineer", draft | saved_text)
     assert done["release_recipe"] == ("the quality", draft | changed)
-    assert [one.outcome for one in lines if one.action == "release_recipe"].count("refused") == 3
+    assert [one.outcome for one in lines if one.action == "release_recipe"].count("refused") == 4
 
     (station.data / "models.yaml").write_text("models: [{model: P1, serial: 'SN-[0-9]+', recipe: good}]\n")
     listed = engineer.http.get("/api/recipes").json()["revisions"]

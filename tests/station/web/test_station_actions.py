@@ -46,6 +46,7 @@ VALUES = {
     "try_recipe": {"text": "no recipe"},
     "ask_release": {"name": "none", "revision": 1, "sha256": "0" * 64},
     "release_recipe": {"name": "none", "revision": 1, "sha256": "0" * 64},
+    "send_recipe_back": {"name": "none", "revision": 1, "sha256": "0" * 64, "reason": "the limit is too wide"},
     "add_person": {"name": " no", "role": "operator", "password": FIRST},
     "assign_badge": {"name": "nobody of this name", "badge": "B-100001", "pin": "8305"},
     "withdraw_badge": {"name": "nobody of this name"},

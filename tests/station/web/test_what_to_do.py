@@ -34,6 +34,7 @@ def test_a_recipe_says_what_is_done_and_at_the_terminal_how_a_bad_unit_is_put_aw
     bench = AtTerminal(tmp_path / "runs", (str(recipe), ""))
     own = {one: bench.to_do_after(one) for one in DO}
     assert [to_do(own[one], one) for one in ("PASS", "NOT DECIDABLE")] == [SAID, DO["NOT DECIDABLE"]]
+    assert not any(bench.to_do_with_part("SN-1", one) for one in DO), "it is no master part"
     assert to_do(own["FAIL"], "FAIL") == f"{SAID} Then scan the code on the NOK box, or type NOK."
     assert to_do(AtTerminal(tmp_path / "runs").to_do_after("FAIL"), "FAIL") == DO["FAIL"]
 

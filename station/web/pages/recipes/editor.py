@@ -19,7 +19,7 @@ from recipes.editing import Group, changed, limits_of, load_of
 from recipes.text.problems import OptionPath
 from recipes.text.yaml_source import parse_source
 from station.errors import StationError
-from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED
+from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED, RECIPE_SENT_BACK
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision, State, hash_of
 from station.run.screen.progress import clock
@@ -43,7 +43,11 @@ LOOK_EVERY_S = 0.15
 QUIET_S = 0.35
 """For how long nobody has typed when the text is checked."""
 
-DID = {RECIPE_SAVED: "saved a text", RECIPE_ASKED: "asked for the release", RECIPE_RELEASED: "released it"}
+DID = {
+    RECIPE_SAVED: "saved a text", RECIPE_ASKED: "asked for the release", RECIPE_SENT_BACK: "sent it back",
+    RECIPE_RELEASED: "released it",
+}  # fmt: skip
+WHY_BACK = "What shall be changed"
 TEXT_LABEL = "text of the recipe"
 INK, QUIET_INK, LINE_INK = "#23282b", "#c2c7ca", "#2f4a5e"
 
@@ -189,6 +193,10 @@ class _Editor:
             if found is not None and found.state is State.ASKED and self._may("release_recipe"):
                 button = ui.button("Release", on_click=partial(self._release, "release_recipe"))
                 button.props("no-caps").set_enabled(goes_on)
+                why = ui.input(WHY_BACK).props("outlined dense maxlength=200").classes("lm-why-back")
+                ui.button("Send back", on_click=lambda: self._send_back(str(why.value or ""))).props("no-caps outline")
+            if found is not None and found.sent_back_by:
+                ui.label(f"Sent back by {found.sent_back_by}: {found.reason}").classes("lm-sent-back")
 
     def _typed(self, event: Any) -> None:
         self._text = str(event.value or "")
@@ -312,12 +320,18 @@ class _Editor:
         answer = await self._perform("save_recipe", {"text": self._text, "replaces": replaces})
         self._leave_to(answer)
 
-    async def _release(self, action: str) -> None:
+    async def _release(self, action: str, **more: JsonValue) -> None:
         assert self._found is not None  # noqa: S101 - the button is there for a revision only
         found = self._found
         values: dict[str, JsonValue] = {"name": found.name, "revision": found.revision, "sha256": found.sha256}
-        answer = await self._perform(action, values)
+        answer = await self._perform(action, values | more)
         self._leave_to(answer)
+
+    async def _send_back(self, why: str) -> None:
+        if not why.strip():
+            self._say([f"Nothing was sent back. Write what its authors shall change into the field '{WHY_BACK}'."])
+            return
+        await self._release("send_recipe_back", reason=why)
 
     @staticmethod
     def _leave_to(answer: Answer) -> None:
@@ -352,7 +366,8 @@ class _Editor:
 def _history_html(history: History, name: str) -> str:
     rows = "".join(
         f"<tr><td>{local(one.time)}</td><td>revision {one.revision}</td>"
-        f"<td>{escape(one.person)} {DID[one.kind]}</td><td><code>{one.sha256[:12]}</code></td></tr>"
+        f"<td>{escape(one.person)} {DID[one.kind]}{escape(f': {one.reason}' if one.reason else '')}</td>"
+        f"<td><code>{one.sha256[:12]}</code></td></tr>"
         for one in reversed(history.events(name))
     )
     return f'<table class="lm">{rows}</table>' if rows else "<p>Nobody has changed this recipe here.</p>"

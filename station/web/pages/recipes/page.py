@@ -153,7 +153,7 @@ def row_of(history: History, one: Revision) -> RevisionRow:
         "id": f"{one.name} {one.revision}",
         "name": one.name,
         "revision": one.revision,
-        "state": STATES[one.state],
+        "state": STATES[one.state] + (", sent back" if one.sent_back_by else ""),
         "waits": one.state is State.ASKED,
         "saved": local(one.saved) if one.saved else "",
         "current": "yes" if history.newest_released(one.name) == one else "",

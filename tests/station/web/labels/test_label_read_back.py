@@ -128,9 +128,13 @@ def test_the_loop_in_a_terminal_prints_a_label_again(plant: Station, printer: Zp
     assert len(printer.printed) == 2
     assert "right one" in bench.scan(code_of(next(iter(Store(plant.data).newest(1)))))
     assert "copy 3" in bench.scan("LABEL"), "one that was read and is damaged now"
+    thread.look()
+    assert "right one" in bench.scan(code_of(next(iter(Store(plant.data).newest(1)))))
+    good_run(plant, "SN-2", failed="too wide")
+    assert "has no label" in bench.scan("LABEL"), "the good unit's label does not go on the bad one"
     with plant.database.reading() as connection:
         told = [(one.action, one.outcome) for one in lines_of(connection, 9) if one.action == "print_label"]
-    assert told == [("print_label", one) for one in ("done", "refused", "done", "refused")]
+    assert told == [("print_label", one) for one in ("refused", "done", "refused", "done", "refused")]
 
 
 @pytest.mark.usefixtures("printer")

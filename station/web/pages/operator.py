@@ -356,6 +356,7 @@ class _Page:
         self._say(answer, "")
         if answer.status == OK:
             self._tell(STOPPING)
+            self._scan = ("", 0.0, "")  # it goes with the run
 
     async def _again(self, scanned: str, reason: str) -> None:
         await self._start(scanned, reason, secrets.token_hex(16))

@@ -257,6 +257,16 @@ def test_a_run_is_stopped_by_one_click_and_its_unit_is_decided_by_nobody(page: p
     shown(page, "STOPPED")
     assert page.locator(".lm-tile.OPEN").count() == 1
     page.wait_for_selector(".lm-stop", state="hidden")
+    page.wait_for_selector(".lm-refused", state="hidden")
+
+
+@pytest.mark.parametrize("width", [1024, 1280, 1920])
+def test_the_bar_is_one_line_on_a_smaller_screen_too(enter: Enter, width: int) -> None:
+    page = enter("technician")
+    page.set_viewport_size({"width": width, "height": width * 9 // 16})
+    page.wait_for_function("() => document.querySelector('.lm-bar').offsetHeight < 60")
+    assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
 
 
 def test_axe_finds_nothing_serious_on_any_page(station: Served, enter: Enter) -> None:

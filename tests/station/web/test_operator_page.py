@@ -114,8 +114,10 @@ def test_one_scan_without_a_click_comes_to_a_verdict(page: playwright.Page) -> N
 
 def assert_all_fits(page: playwright.Page) -> None:
     """Two messages and a button below the verdict of BAD-1, in the longest language too: nothing is cut off."""
-    for language in ("Deutsch", "English"):
+    for language, code in (("Deutsch", "de"), ("English", "en")):
         page.click(f"text={language}")
+        # The page is loaded anew: a scan on the one before would be lost.
+        page.wait_for_function("code => document.documentElement.lang === code", arg=code)
         page.wait_for_selector(".lm-nok:visible")
         scan(page, "BAD-1")
         page.wait_for_selector(".lm-cancel:visible")

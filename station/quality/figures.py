@@ -179,13 +179,14 @@ def _capability_row(
 
 
 def tested_by_others(row: CapabilityRow, name: str) -> list[str]:
-    """Return by which limits values of a metric were tested that its indices are not by; name: as it is called."""
+    """Return by which limits values were tested that the indices are not by; name: of the metric, '' for none."""
+    begin = f"{name}: " if name else ""
     of, unit, said = sum(one.number for one in row.tested_by), unit_text(row.metric.unit), list[str]()
     for one in row.by_others:
         limits = f"{limits_text(Limits(min=one.limit_min, max=one.limit_max))} {unit}".strip()
         limits = "no limit" if one.limit_min is None and one.limit_max is None else limits
         revisions = f" (recipe revision {', '.join(map(str, one.revisions))})" if one.revisions else ""
-        said.append(f"{name}: {one.number} of {counted(of, 'value')} were tested by {limits}{revisions}")
+        said.append(f"{begin}{one.number} of {counted(of, 'value')} were tested by {limits}{revisions}")
     return said
 
 

@@ -7,14 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.line.proportions import Proportion
-from definitions.metrics import METRICS
 from station.counted import counted
 from station.documents.result import Limits
 from station.errors import StationError
-from station.quality.figures import CapabilityRow, capability_of, causes_of, yield_of
+from station.quality.batch.names import column_of, names_of
+from station.quality.figures import CapabilityRow, capability_of, causes_of, tested_by_others, yield_of
 from station.records.run_record import RunRecord
 from station.reports.loop_curves import FALLING, RISING, Line, loop_curves
-from station.reports.result_text import limits_text, minus, unit_text
+from station.reports.result_text import limits_text, unit_text
 from station.store.quality.lot import Lot, production
 from station.store.quality.retests import retests_of
 from station.store.quality.values import Characteristic, ValueRow, characteristics, values
@@ -24,12 +24,17 @@ Cell = str | float | int | None
 
 @dataclass(frozen=True, slots=True)
 class BatchTable:
-    """A table: the name of its file, its title, heads, and rows of texts and figures."""
+    """A table: the name of its file, its title, heads, and rows of texts and figures.
+
+    remarks: of each row, '' for none, the last column of the file where there are any; page and PDF say them in the
+    notes of the batch.
+    """
 
     name: str
     title: str
     heads: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
+    remarks: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +50,8 @@ class BatchLoop:
 class Batch:
     """A batch: what it is, in words, its tables, its loops, and what a reader must know.
 
-    Table `values` has a row for each unit: it goes to a file, and is too long for the page.
+    Table `values` has a row for each unit: it goes to a file, and is too long for the page. numbers: the values of a
+    characteristic on a side. names: what each characteristic is called, no two alike.
     """
 
     title: str
@@ -54,7 +60,8 @@ class Batch:
     values: BatchTable
     loops: tuple[BatchLoop, ...]
     capability: tuple[CapabilityRow, ...]
-    numbers: dict[str, tuple[float, ...]]
+    names: dict[Characteristic, str]
+    numbers: dict[tuple[Characteristic, str], tuple[float, ...]]
     notes: tuple[str, ...]
 
 
@@ -73,23 +80,22 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
         capability = capability_of(look, lot).rows if limited else ()
         series = {(one, side): values(look, lot, one, side) for one in there for side in one.sides}
         again, behind = retests_of(look, lot), look.behind
-    by_run: dict[str, dict[str, float]] = {}
+    names = names_of(there)
+    by_run: dict[str, dict[tuple[Characteristic, str], float]] = {}
     serials: dict[str, tuple[str, str]] = {}
-    for (one, side), rows in series.items():
+    for key, rows in series.items():
         for row in rows:
-            by_run.setdefault(row.run, {})[column_of(one, side)] = row.value
+            by_run.setdefault(row.run, {})[key] = row.value
             serials[row.run] = row.serial, row.started
-    columns = [column_of(one, side) for one, side in series]
-    heads = [f"{column_of(one, side)}{_of_unit(one.unit)}" for one, side in series]
-    value_rows = tuple(
-        (run, *serials[run], *(by_run[run].get(column) for column in columns)) for run in sorted(by_run)
-    )  # fmt: skip
+    heads = [f"{column_of(names[one], side)}{_of_unit(one.unit)}" for one, side in series]
+    value_rows = tuple((run, *serials[run], *(by_run[run].get(key) for key in series)) for run in sorted(by_run))
     loops, without = _loops(data, sorted(by_run)[-most_loops:] if most_loops else [], serials, told)
     first, final = yields.whole.first_pass, yields.whole.final
     spans = sorted(moment for _, moment in serials.values())
     notes = ["VIRTUAL: units of the virtual bench"] if lot.virtual else []
     notes += [f"not in the store yet: {counted(behind, 'run')}"] if behind else []
     notes += [f"not drawn: {counted(without, 'loop')}"] if without else []
+    notes += [text for row in capability for text in tested_by_others(row, names[row.metric])]
     facts = (
         ("Recipe", lot.recipe or ""), ("Model", lot.model or "any"), ("Bench", lot.bench or "any"),
         ("First attempts", str(first.of)), ("Units with a valid first measurement", str(len(by_run))),
@@ -100,31 +106,24 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
     failed += [("no verdict", one.name, one.number, 100 * one.share) for one in causes.undecided]
     failed += [("alarm", one.name, one.number, 100 * one.share) for one in causes.alarms]
     tables: tuple[BatchTable, ...] = (
-        BatchTable("capability", "Metrics", CAPABILITY_HEADS, tuple(_summary(one, side, rows, capability)
-                                                                  for (one, side), rows in series.items())),
+        BatchTable("capability", "Metrics", CAPABILITY_HEADS,
+                   tuple(_summary(names, key, rows, capability) for key, rows in series.items()),
+                   tuple(_remark(key, capability) for key in series)),
         BatchTable("pareto", "What hindered it", ("kind", "cause", "runs", "share [%]"), tuple(failed)),
     )  # fmt: skip
     if again:
         retests = tuple((one.run.run, one.run.serial, one.run.verdict, one.attempts) for one in again)
         tables += (BatchTable("retests", "Units measured again", ("run", "serial", "verdict", "attempts"), retests),)
-    numbers = {column_of(*key): tuple(row.value for row in rows) for key, rows in series.items() if rows}
+    numbers = {key: tuple(row.value for row in rows) for key, rows in series.items() if rows}
     table = BatchTable("values", "Values", ("run", "serial", "started", *heads), value_rows)
     title = f"Batch report: {lot.recipe}"
-    return Batch(title, facts, tables, table, loops, tuple(capability), numbers, tuple(notes))
+    return Batch(title, facts, tables, table, loops, tuple(capability), names, numbers, tuple(notes))
 
 
 CAPABILITY_HEADS = (
     "metric", "unit", "limit", "n", "mean", "standard deviation", "smallest", "largest", "Cpk", "Cpk low", "Cpk high",
     "Ppk", "Ppk low", "Ppk high",
 )  # fmt: skip
-
-
-def column_of(one: Characteristic, side: str) -> str:
-    """Return how a column of values is called."""
-    row = METRICS.get(one.metric)
-    name = one.metric if row is None else row.title.partition(" (")[0]
-    words = " ".join(part for part in (name, one.choices) if part)
-    return words if side == "both" else f"{words} side {minus(side)}"
 
 
 def _of_unit(unit: str) -> str:
@@ -137,22 +136,32 @@ def _share(one: Proportion) -> str:
 
 
 def _summary(
-    one: Characteristic, side: str, rows: Sequence[ValueRow], capability: Sequence[CapabilityRow]
+    names: dict[Characteristic, str],
+    key: tuple[Characteristic, str],
+    rows: Sequence[ValueRow],
+    capability: Sequence[CapabilityRow],
 ) -> tuple[Cell, ...]:
+    one, side = key
     found = [row.value for row in rows]
     number = len(found)
     mean = sum(found) / number if number else None
     sd = (
         (sum((value - mean) ** 2 for value in found) / (number - 1)) ** 0.5 if mean is not None and number > 1 else None
     )
-    judged = next((row.found for row in capability if row.metric == one and row.side == side), None)
+    judged = next((row.found for row in capability if (row.metric, row.side) == key), None)
     indices: tuple[Cell, ...] = (None,) * 6
     if judged is not None:
         indices = (judged.within.nearest, judged.cpk_low, judged.cpk_high, judged.overall.nearest, judged.ppk_low,
                    judged.ppk_high)  # fmt: skip
     limit = limits_text(Limits(min=one.limit_min, max=one.limit_max)) if one.limited else ""
     ends = (min(found), max(found)) if found else (None, None)
-    return (column_of(one, side), unit_text(one.unit), limit, number, mean, sd, *ends, *indices)
+    name = column_of(names[one], side)
+    return (name, unit_text(one.unit), limit, number, mean, sd, *ends, *indices)
+
+
+def _remark(key: tuple[Characteristic, str], capability: Sequence[CapabilityRow]) -> str:
+    """Return what a reader must know of the indices in a row."""
+    return "; ".join(text for row in capability if (row.metric, row.side) == key for text in tested_by_others(row, ""))
 
 
 def _loops(

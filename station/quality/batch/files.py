@@ -13,7 +13,8 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 
 from station.atomic_file import write_atomic
-from station.quality.batch.content import Batch, BatchTable, Cell, column_of
+from station.quality.batch.content import Batch, BatchTable, Cell
+from station.quality.batch.names import column_of
 from station.reports.figures.loop_plot import GRID, INK, LOADING, STYLE, png
 from station.reports.result_text import minus
 from station.results.csv_cells import MARK, figure_cell, text_cell
@@ -23,6 +24,9 @@ TEMPLATE = "batch.html.j2"
 HTML, PDF = "batch.html", "batch.pdf"
 LOOPS = "loops"
 MOST_HISTOGRAMS = 6
+PADDING = 7
+"""Characters that the margins of a cell take: without them figures in many narrow columns break in two."""
+
 PICTURES = {
     LOOPS: "Torque and angle of every unit of the batch, its first cycle",
     "values": "Values of the metrics that have a limit",
@@ -45,8 +49,9 @@ def csv_of(table: BatchTable, style: CsvStyle) -> str:
     """Return a table as CSV in the language of a spreadsheet."""
     stream = io.StringIO()
     writer = csv.writer(stream, delimiter=style.separator, lineterminator="\n")
-    writer.writerow([text_cell(head) for head in table.heads])
-    for row in table.rows:
+    remarks = [(text or None,) for text in table.remarks] if any(table.remarks) else [()] * len(table.rows)
+    writer.writerow([text_cell(head) for head in (*table.heads, *(("remark",) if any(table.remarks) else ()))])
+    for row in (row + remark for row, remark in zip(table.rows, remarks, strict=True)):
         writer.writerow([figure_cell(one, style) if isinstance(one, float) else text_cell(one) for one in row])
     return stream.getvalue()
 
@@ -91,12 +96,11 @@ def _histograms(batch: Batch) -> Figure:
         figure = Figure(figsize=(8.4, 2.1 * ((len(judged) + 1) // 2)), dpi=150, layout="constrained")
         grid = figure.subplots((len(judged) + 1) // 2, 2, squeeze=False).ravel()
         for axes, row in zip(grid, judged, strict=False):
-            name = column_of(row.metric, row.side)
-            axes.hist(batch.numbers.get(name, ()), bins=30, color=LOADING, alpha=0.8)
+            axes.hist(batch.numbers.get((row.metric, row.side), ()), bins=30, color=LOADING, alpha=0.8)
             for limit in (row.metric.limit_min, row.metric.limit_max):
                 if limit is not None:
                     axes.axvline(limit, color="#b00020", linewidth=1.4)
-            axes.set_title(name, loc="left", fontsize=9, color=INK)
+            axes.set_title(column_of(batch.names[row.metric], row.side), loc="left", fontsize=9, color=INK)
             axes.tick_params(labelsize=8)
         for axes in grid[len(judged) :]:
             axes.set_visible(False)
@@ -157,10 +161,10 @@ def pdf_of(batch: Batch, pictures: dict[str, bytes]) -> bytes:
 
 def _widths(table: BatchTable, whole: float) -> list[float]:
     """Return the widths of columns by their longest words, so that figures stay in one line."""
-    longest = [_longest(table, place) for place in range(len(table.heads))]
+    longest = [_longest(table, place) + PADDING for place in range(len(table.heads))]
     return [whole * one / sum(longest) for one in longest]
 
 
 def _longest(table: BatchTable, place: int) -> int:
     texts: Iterable[str] = (table.heads[place], *(shown(row[place]) for row in table.rows))
-    return max(5, *(min(len(text), 26) for text in texts))
+    return max(5, *(min(len(text), 14) for text in texts))

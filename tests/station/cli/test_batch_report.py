@@ -12,6 +12,7 @@ from stored_runs import metric, store_run
 
 from station.quality.batch.content import batch_of
 from station.quality.batch.files import HTML, PDF, csv_of
+from station.reports.pdf_pages import layout
 from station.results.export import LOCALES
 from station.store.quality.lot import Lot
 
@@ -39,6 +40,51 @@ def test_tables_are_those_of_the_figures(folder: Path) -> None:
     rows = list(csv.reader(text.splitlines(), delimiter=";"))
     assert rows[1][3] == "0,5"
     assert f"'{FORMULA}" in {row[1] for row in rows}
+
+
+def test_metrics_that_are_called_alike_keep_their_own_values_and_names(tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    alike = {
+        ("stiffness_50_100", "load"): 95.0, ("stiffness_50_100", "unload"): 90.0, ("stiffness_lsq", "load"): 80.0,
+        ("lost_motion", "mean"): 0.5,
+    }  # fmt: skip
+    for number in range(4):
+        metrics = [metric(value + number, id=name, branch=branch) for (name, branch), value in alike.items()]
+        store_run(data, f"U{number}", metrics, day=number)
+    batch = batch_of(data, Lot(), 0)
+    heads, first = batch.values.heads[3:], batch.values.rows[0][3:]
+    assert len(set(heads)) == len(heads) == 8
+    assert first[::2] == tuple(alike.values())
+    assert heads[0] == "Stiffness (secant, 50–100 % T_r) branch load side + [arcmin]"
+    assert heads[6] == "Lost motion side + [arcmin]", "a name has no more than it needs"
+    names = [row[0] for row in batch.tables[0].rows]
+    assert len(set(names)) == 8
+    assert [values[0] for (_, side), values in batch.numbers.items() if side == "+"] == list(alike.values())
+
+
+def test_what_was_tested_by_other_limits_is_said_beside_the_indices(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data, paragraphs = tmp_path / "runs", list[str]()
+    plain = layout.paragraph
+
+    def kept(text: str, *words: Any, **options: Any) -> Any:
+        paragraphs.append(text)
+        return plain(text, *words, **options)
+
+    monkeypatch.setattr(layout, "paragraph", kept)
+    for number in range(5):
+        revision, highest = (2, 1.0) if number < 3 else (3, 0.6)
+        one = metric(0.5 + 0.01 * number, limits={"min": None, "max": highest})
+        store_run(data, f"U{number}", [one], day=number, revision=revision)
+    out = tmp_path / "out"
+    told = here("quality", "report", "--loops", "0", "--data", str(data), "--out", str(out))
+    said = "3 of 5 values were tested by ≤ 1 arcmin (recipe revision 2)"
+    assert f"Lost motion: {said}" in told.out
+    assert f"Lost motion: {said}" in (out / HTML).read_text(encoding="utf-8")
+    rows = list(csv.DictReader((out / "capability.csv").read_text(encoding="utf-8-sig").splitlines()))
+    assert [row["remark"] for row in rows if row["Cpk"]] == [said]
+    assert f"Lost motion: {said}" in paragraphs, "the PDF says it too"
 
 
 def test_units_that_were_measured_again_are_named(tmp_path: Path) -> None:

@@ -48,7 +48,10 @@ def dfq(
     data: DataOption = DEFAULT_DATA,
     as_json: JsonOption = False,
 ) -> None:
-    """Write the values of a lot as AQDEF, first attempts and retests; 'export --format dfq' does that for one run."""
+    """Write the values of a lot as AQDEF, first attempts and retests; 'export --format dfq' does that for one run.
+
+    Runs on another bench or by another recipe revision, limit or definition get a file of their own: lot-1.dfq, ...
+    """
     from station.errors import StationError
 
     if outbox == (out is not None):
@@ -63,14 +66,15 @@ def dfq(
             raise StationError("--outbox: aqdef.yaml says which runs are written. Leave out the other options")
         raise typer.Exit(write_outbox(data, as_json=as_json))
     from station.cli.out_file import refuse_records
-    from station.cli.runs.export import program_name, write_dfq
+    from station.cli.quality.dfq import write_lot
+    from station.cli.runs.export import program_name
     from station.quality.dfq.write import dfq_of_lot
     from station.store.quality.lot import production
 
     refuse_records(out)
     with production(data) as look:
         found = dfq_of_lot(look, lot_of(recipe, model, bench, since, until, virtual, newest), program_name())
-    raise typer.Exit(write_dfq(out, found, as_json=as_json))
+    raise typer.Exit(write_lot(out, found, as_json=as_json))
 
 
 @documents_app.command("report")

@@ -31,28 +31,47 @@ from station.quality.dfq.fields import (
 from station.store.plant.hours import COMPLETE
 from station.store.plant.meanings import Meaning, meaning_of_metrics
 from station.store.quality.lot import Lot, Production
-from station.store.quality.values import Characteristic, characteristics, metrics_of_run
+from station.store.quality.values import Characteristic, metrics_of_run, newest_run
 from station.store.tables import MEANINGS, METRICS, RUNS
 
 COLUMNS = (
     "run", "serial", "started", "attempt", "verdict", "objection", "state", "model", "recipe", "revision", "bench",
     "virtual",
 )  # fmt: skip
+OF_A_FILE = ("model", "recipe", "revision", "bench")
+"""What a file says once for all its runs, besides definitions and limits."""
+
+NOTHING = "no run of the chosen lot has a value of a metric that has a limit. Choose other runs, such as with --since"
 DIGITS = 12
 
 
 @dataclass(frozen=True, slots=True)
 class Written:
-    """An AQDEF file: its bytes, the runs and characteristics in it, and the runs that have none of these."""
+    """An AQDEF file: its bytes, the runs and characteristics in it, and the runs that have none of these.
+
+    what: model, recipe with its revision, and bench of all its runs.
+    """
 
     content: bytes
     runs: int
     characteristics: int
     left_out: int
+    what: str = ""
 
 
-def dfq_of_lot(production: Production, lot: Lot, program: str) -> Written:
-    """Return the newest runs of a lot, first attempts and retests, as a file.
+@dataclass(frozen=True, slots=True)
+class WrittenLot:
+    """A lot as files, that of the oldest run first; left_out: runs of the lot without any metric."""
+
+    files: tuple[Written, ...]
+    left_out: int
+
+
+def dfq_of_lot(production: Production, lot: Lot, program: str) -> WrittenLot:
+    """Return the newest runs of a lot, first attempts and retests, as few files as hold them.
+
+    A file states bench, model, recipe revision, definitions and limits once for all its values, so runs that differ in
+    one of these are in files of their own, as in the outbox.
 
     Raises:
         StationError: the lot has runs of several recipes, or no valid one. DfqError: what a run says has no place in
@@ -60,10 +79,35 @@ def dfq_of_lot(production: Production, lot: Lot, program: str) -> Written:
 
     """
     lot = production.one_recipe(lot)
-    there = characteristics(production, lot)
+    newest_run(production, lot)
     asked = production.of(select(RUNS.c.run).select_from(RUNS), lot, attempts=None).where(RUNS.c.state == COMPLETE)
     runs = list(production.connection.execute(asked.order_by(RUNS.c.run.desc()).limit(lot.newest)).scalars())
-    return _file(production, sorted(runs), there, program)
+    rows = _rows(production, sorted(runs))
+    files = tuple(
+        _file(of_file, metrics_of_run(production, model), program) for model, of_file in _files_of(rows).items()
+    )
+    if not files:
+        raise StationError(NOTHING)
+    return WrittenLot(files, len(runs) - sum(one.runs for one in files))
+
+
+def _files_of(rows: Sequence[Row[Any]]) -> dict[str, list[Row[Any]]]:
+    """Return rows by the newest run that has all metrics of their file, the file of the oldest run first.
+
+    A run that lacks metrics of another one and is else alike is in its file: it has no value of these there.
+    """
+    runs = [list(group) for _, group in groupby(rows, key=lambda row: row.run)]
+    alike: dict[Any, list[list[Row[Any]]]] = {}
+    for of_run in runs:
+        said = frozenset((*_meaning(row), row.side, row.limit_min, row.limit_max) for row in of_run)
+        alike.setdefault(((*(getattr(of_run[0], name) for name in OF_A_FILE),), said), []).append(of_run)
+    found: dict[Any, list[list[Row[Any]]]] = {}
+    for (part, said), group in sorted(alike.items(), key=lambda item: -len(item[0][1])):
+        home = next(((other, more) for other, more in found if other == part and said <= more), (part, said))
+        found.setdefault(home, []).extend(group)
+    newest = {alike[key][-1][0].run: sorted(group, key=lambda one: one[0].run) for key, group in found.items()}
+    first = sorted(newest.items(), key=lambda item: item[1][0][0].run)
+    return {run: [row for one in group for row in one] for run, group in first}
 
 
 def dfq_of_run(production: Production, run: str, program: str) -> Written:
@@ -80,7 +124,7 @@ def dfq_of_run(production: Production, run: str, program: str) -> Written:
             f"run {run}: its values cannot be exported: the run is incomplete, altered, or not in the store of runs. "
             "Choose another run"
         )
-    return _file(production, [run], metrics_of_run(production, run), program)
+    return _file(_rows(production, [run]), metrics_of_run(production, run), program)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,26 +156,27 @@ def alike(production: Production, runs: Sequence[str], *, virtual: bool) -> list
 
 def dfq_of_runs(production: Production, group: Alike, program: str) -> Written:
     """Return runs that are alike as a file; StationError where none has a metric, DfqError as `dfq_of_lot`."""
-    return _file(production, group.runs, group.there, program)
+    return _file(_rows(production, group.runs), group.there, program)
 
 
-def _file(production: Production, runs: Sequence[str], there: Sequence[Characteristic], program: str) -> Written:
+def _meaning(row: Row[Any]) -> tuple[str, ...]:
+    return tuple(wording_of_today(getattr(row, name)) for name in Meaning._fields)
+
+
+def _file(rows: Sequence[Row[Any]], there: Sequence[Characteristic], program: str) -> Written:
     places = {(*one.meaning, side): None for one in there for side in one.sides}
     numbers = {key: number for number, key in enumerate(places)}
-    rows = _rows(production, runs)
     lines, left_out = [], 0
     for _, group in groupby(rows, key=lambda row: row.run):
         of_run = list(group)
-        cells = {(*(wording_of_today(getattr(row, name)) for name in Meaning._fields), row.side): row for row in of_run}
+        cells = {(*_meaning(row), row.side): row for row in of_run}
         if not any(key in cells for key in numbers):
             left_out += 1
             continue
         lines.append(NEXT_CHARACTERISTIC.join(_value(of_run[0], cells.get(key)) for key in numbers))
         lines.append(f"K0014/0 {of_run[0].serial}")
     if not lines:
-        raise StationError(
-            "no run of the chosen lot has a value of a metric that has a limit. Choose other runs, such as with --since"
-        )
+        raise StationError(NOTHING)
     head = _head(rows[-1], len(numbers), program)
     for one in there:
         for side in one.sides:
@@ -145,7 +190,10 @@ def _file(production: Production, runs: Sequence[str], there: Sequence[Character
             [f"the sign '{sign}' cannot be written in {ENCODING}; it stands in {_near(text, error.start)}"]
         ) from error
     checked_dfq(content)
-    return Written(content, len(lines) // 2, len(numbers), left_out)
+    newest = rows[-1]
+    what = f"{newest.model}, {newest.recipe} revision {newest.revision}"
+    what += f", bench {newest.bench}" if newest.bench else ""
+    return Written(content, len(lines) // 2, len(numbers), left_out, what)
 
 
 def _near(text: str, place: int) -> str:
@@ -159,7 +207,7 @@ def _rows(production: Production, runs: Sequence[str]) -> list[Row[Any]]:
     table = of_runs.subquery()
     columns = [table.c[name] for name in COLUMNS]
     columns += [MEANINGS.c[name] for name in Meaning._fields]
-    columns += [METRICS.c.side, METRICS.c.value]
+    columns += [METRICS.c.side, METRICS.c.value, METRICS.c.limit_min, METRICS.c.limit_max]
     columns += [METRICS.c.verdict.label("judged")]
     together = (METRICS.c.chain == table.c.chain) & (METRICS.c.run == table.c.run)
     asked = select(*columns).select_from(table).join(METRICS, together).join(MEANINGS, meaning_of_metrics())

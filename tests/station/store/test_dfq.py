@@ -45,7 +45,7 @@ def both_metrics(lost_motion: float, stiffness: float | None) -> list[dict[str, 
 @pytest.fixture(scope="module")
 def good(folder: Path) -> bytes:
     with production(folder) as look:
-        return dfq_of_lot(look, LOT, "a test").content
+        return dfq_of_lot(look, LOT, "a test").files[0].content
 
 
 @pytest.mark.parametrize("name", METRICS)
@@ -53,7 +53,7 @@ def test_every_definition_and_unit_can_be_written(name: str, tmp_path: Path) -> 
     row = METRICS[name]
     store_run(tmp_path, "SN", [metric(0.4, id=name, definition=row.text, unit=row.unit, estimator=row.estimator)])
     with production(tmp_path) as look:
-        told = checked_dfq(dfq_of_lot(look, LOT, "a test").content).characteristics[0]["K2900"]
+        told = checked_dfq(dfq_of_lot(look, LOT, "a test").files[0].content).characteristics[0]["K2900"]
     assert len(told) == len(row.text)
     assert told.translate(INSTEAD) == told
 
@@ -99,7 +99,7 @@ def test_opposite_the_one_limit_stands_the_natural_one_of_the_metric(
 ) -> None:
     store_run(tmp_path, "SN", [metric(0.4, id=name, unit=METRICS[name].unit, limits=limits, side="both", sides={})])
     with production(tmp_path) as look:
-        content = dfq_of_lot(look, LOT, "a test").content
+        content = dfq_of_lot(look, LOT, "a test").files[0].content
     theirs = by_another_program(content).get_part(0).get_characteristic_by_index(1)
     for key, value in kinds.items():
         read = theirs.get_data(key)
@@ -113,6 +113,53 @@ def test_one_run_and_a_lot_by_the_commands(folder: Path, tmp_path: Path) -> None
     assert [row.serial for row in checked_dfq(one.read_bytes()).rows] == ["SN-1"]
     assert here("quality", "dfq", "--data", str(folder), "--out", str(lot)).exit_code == 0
     assert len(checked_dfq(lot.read_bytes()).rows) == 6
+
+
+def by_limits(data: Path) -> None:
+    """Store three units by revision 2 and limit 1, two by revision 3 and 0.3, and one of these on another fit."""
+    for number in range(5):
+        revision, highest = (2, 1.0) if number < 3 else (3, 0.3)
+        one = metric(0.4, limits={"min": None, "max": highest})
+        store_run(data, f"M-{number}", [one], day=FROM + number, revision=revision)
+    changed = metric(0.4, limits={"min": None, "max": 0.3}, band=0.04)
+    store_run(data, "M-5", [changed], day=FROM + 5, revision=3)
+
+
+def test_runs_by_other_limits_or_definitions_get_files_of_their_own(tmp_path: Path) -> None:
+    data, lot = tmp_path / "runs", tmp_path / "lot.dfq"
+    by_limits(data)
+    told = here("quality", "dfq", "--data", str(data), "--out", str(lot))
+    assert told.exit_code == 0, told.err
+    assert not lot.exists()
+    assert f"{tmp_path / 'lot-1.dfq'}: 3 runs, 2 characteristics; RV, inverse revision 2" in told.out
+    found = [checked_dfq((tmp_path / f"lot-{number}.dfq").read_bytes()) for number in (1, 2, 3)]
+    assert [one.part["K1002"] for one in found] == [f"inverse revision {number}" for number in (2, 3, 3)]
+    assert [one.characteristics[0]["K2111"] for one in found] == ["1", "0.3", "0.3"]
+    assert [[row.serial for row in one.rows] for one in found] == [["M-0", "M-1", "M-2"], ["M-3", "M-4"], ["M-5"]]
+    of_json = here("quality", "dfq", "--data", str(data), "--out", str(lot), "--json").json
+    assert [one["runs"] for one in of_json["files"]] == [3, 2, 1]
+
+
+def test_a_file_of_the_whole_name_is_not_left_beside_its_parts(tmp_path: Path) -> None:
+    data, lot = tmp_path / "runs", tmp_path / "lot.dfq"
+    by_limits(data)
+    lot.write_bytes(b"of yesterday")
+    told = here("quality", "dfq", "--data", str(data), "--out", str(lot))
+    assert told.exit_code == 2
+    assert "this lot needs 3 files, lot-1.dfq and so on" in told.err
+    assert [path.name for path in tmp_path.glob("*.dfq")] == ["lot.dfq"]
+
+
+def test_a_run_that_lacks_a_metric_is_in_the_file_of_those_that_have_it(tmp_path: Path) -> None:
+    for number in range(3):
+        store_run(tmp_path, f"U{number}", both_metrics(0.4, 115.0)[: 2 - number % 2], day=FROM + number)
+    store_run(tmp_path, "NONE", [], day=FROM + 4, reasons=["measurement invalid: drift"])
+    with production(tmp_path) as look:
+        found = dfq_of_lot(look, LOT, "a test")
+    assert [(one.runs, one.characteristics) for one in found.files] == [(3, 3)]
+    assert found.left_out == 1
+    rows = checked_dfq(found.files[0].content).rows
+    assert [row.values[2].value for row in rows] == [115.0, None, 115.0]
 
 
 @pytest.mark.parametrize(

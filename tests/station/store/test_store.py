@@ -449,4 +449,4 @@ def test_quality_figures_are_formed_on_both_databases(lot: Path) -> None:
             "U3",
             "U1",
         ]
-        assert len(dfq_of_lot(look, asked, "a test").content) > 500
+        assert len(dfq_of_lot(look, asked, "a test").files[0].content) > 500

@@ -8,11 +8,12 @@ from typing import Annotated
 
 from station.documents.entries import one_of
 
-MET, NOT_MET, OPEN, ATTACHED = "met", "not met", "open", "attached"
+MET, NOT_MET, OPEN, STATED, ATTACHED = "met", "not met", "open", "stated", "attached"
 STATES = {
     MET: "the evidence shows that the requirement is met",
     NOT_MET: "the evidence shows that the requirement is not met",
     OPEN: "there is no evidence yet; the command in the same row makes it",
+    STATED: "a figure that nothing is required of; this program does not judge it",
     ATTACHED: "a file for a person to judge; this program does not judge it",
 }
 INSTALLATION, OPERATION, PERFORMANCE = "installation", "operation", "performance"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -102,8 +103,10 @@ def gage(
     return say(document, [*blocks, *of_sides, *values.notes()], as_json=as_json)
 
 
-def judged_study(data: Path, ask: Ask, by: str, level: float = 0.95) -> tuple[GageDesign, GageStudy]:
-    """Return the study of stored runs on the side that judges, with the tolerance of their recipe.
+def judged_study(
+    data: Path, ask: Ask, by: str, only: Collection[str], level: float = 0.95
+) -> tuple[GageDesign, GageStudy]:
+    """Return the study of stored runs on the side that judges, with the tolerance of their recipe; only: their ids.
 
     Raises:
         StationError, AnalysisError: `by` is none of `BY`, or the design is not complete.
@@ -111,7 +114,7 @@ def judged_study(data: Path, ask: Ask, by: str, level: float = 0.95) -> tuple[Ga
     """
     if by not in BY:
         raise StationError(f"--by: found {by!r}; allowed are {', '.join(BY)}")
-    sides = [_studied(_of_runs(one, by), one, None, level) for one in _values_of_all_runs(data, ask)]
+    sides = [_studied(_of_runs(one, by), one, None, level) for one in values_of_sides(data, ask, only)]
     _, (design, _, anova, _), _ = worse_side(sides)
     return design, anova
 

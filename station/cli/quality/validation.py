@@ -31,7 +31,7 @@ from station.quality.validation.pack import (
     write_pack,
 )
 from station.quality.validation.performance import GageFigure, KnownPart, performance
-from station.store.quality.lot import Lot
+from station.store.quality.lot import Lot, production
 from station.version import ROOT
 from station.web.people import audit
 from station.web.people.database import FILE, StationDatabase
@@ -75,7 +75,7 @@ def make(data: Path, out: Path, wanted: Wanted, *, as_json: bool) -> int:
         *installation(data, wanted.bench),
         *_audit(data),
         *operation(wanted.bench, wanted.tests, tests),
-        *performance(data, wanted.bench, wanted.lot, wanted.parts, gages),
+        *performance(data, wanted.bench, wanted.lot, wanted.parts, gages, wanted.by),
     )
     pack = pack_of(data, wanted.bench, evidence, files)
     with writing(out):
@@ -130,13 +130,25 @@ def _audit(data: Path) -> Iterator[Evidence]:
 
 def _gage(data: Path, metric: str, wanted: Wanted) -> GageFigure | str:
     """Return a gage study of the stored runs, or why there is none."""
+    lot = wanted.lot
     try:
-        study = judged_study(data, Ask(metric, recipe=wanted.lot.recipe), wanted.by)
+        with production(data) as look:
+            runs, others = look.measured(lot), look.measured(lot._replace(virtual=not lot.virtual))
+        if not runs:
+            return f"{metric}: {_no_run(lot, len(others))}"
+        study = judged_study(data, Ask(metric, recipe=lot.recipe), wanted.by, runs)
     except (StationError, AnalysisError) as error:
         return f"{metric}: {error}"
     design, found = study
     told = f"{len(design.parts)} parts, {len(design.operators)} by {wanted.by}, each {design.values.shape[2]} times"
     return GageFigure(metric, found.grr_pct.value, found.tolerance_pct, found.ndc, told)
+
+
+def _no_run(lot: Lot, others: int) -> str:
+    """Return that a lot has no run for a gage study, and that there are `others` of the other kind of unit."""
+    kind, other, do = ("virtual", "real", "leave out") if lot.virtual else ("real", "virtual", "add")
+    hint = f" There are {counted(others, 'run')} of {other} units: {do} --virtual" if others else " Choose another lot"
+    return f"the chosen lot has no run of a {kind} unit.{hint}"
 
 
 def _self_test() -> Iterator[SelfTest]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
+import shlex
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.trace.errors import AnalysisError
 from recipes import find_bench, load_bench
-from station.documents.validation import MET, OPEN, PERFORMANCE, Evidence, judged
+from station.documents.validation import OPEN, PERFORMANCE, STATED, Evidence, judged
 from station.errors import StationError
 from station.quality.bench_ability import Part, due_on, type_one_of
-from station.quality.figures import capability_of, yield_of
+from station.quality.figures import capability_of, tested_by_others, yield_of
 from station.records.data_folder import Store
 from station.store.quality.lot import Lot, production
 from station.wall_clock import WALL_CLOCK
@@ -69,10 +70,15 @@ def _of(asked: str, found: str, state: str, again: str) -> Evidence:
     return Evidence(part=PERFORMANCE, asked=asked, found=found, state=state, again=again)
 
 
-def performance(
-    data: Path, bench: str | None, lot: Lot, parts: Iterable[KnownPart], gages: Iterable[GageFigure | str]
+def performance(  # noqa: PLR0917 - what is asked for
+    data: Path,
+    bench: str | None,
+    lot: Lot,
+    parts: Iterable[KnownPart],
+    gages: Iterable[GageFigure | str],
+    by: str = "operator",
 ) -> Iterator[Evidence]:
-    """Yield the evidence; gages: studies that were made, or why one could not be.
+    """Yield the evidence; gages: studies that were made, or why one could not be, with `by` as the operator.
 
     Raises:
         RecipeError: the bench file cannot be read. StoreError: the store cannot be used.
@@ -80,8 +86,21 @@ def performance(
     """
     yield from _due(data, bench)
     yield from _type_one(data, lot, tuple(parts))
-    yield from _gages(tuple(gages))
+    yield from _gages(data, lot, tuple(gages), by)
     yield from _process(data, lot)
+
+
+def again_of(command: str, data: Path, lot: Lot) -> str:
+    """Return the command that shows a figure of a lot again, with all that chooses it."""
+    options = {"--recipe": lot.recipe, "--model": lot.model, "--bench": lot.bench}
+    options |= {"--since": lot.since, "--until": lot.until}
+    given = [f"{name} {shlex.quote(value)}" for name, value in options.items() if value is not None]
+    return " ".join([command, "--data", shlex.quote(str(data)), *given, *(["--virtual"] if lot.virtual else [])])
+
+
+def _marked(told: str, lot: Lot) -> str:
+    """Return what was found, marked where it is of units of the virtual bench."""
+    return f"VIRTUAL units: {told}" if lot.virtual else told
 
 
 def _due(data: Path, bench: str | None) -> Iterator[Evidence]:
@@ -100,10 +119,16 @@ def _type_one(data: Path, lot: Lot, parts: tuple[KnownPart, ...]) -> Iterator[Ev
         yield _of("Type 1 study: Cg and Cgk", "no part of known value was named", OPEN, "--type1 SERIAL:METRIC:VALUE")
     for one in parts:
         asked = f"Type 1 study of {one.metric} on {one.serial}: Cg and Cgk at least {LEAST_CG}"
-        again = f"lostmotion quality type1 --serial {one.serial} --metric {one.metric} --reference {one.reference:g}"
-        part = Part(one.serial, one.metric, bench=lot.bench, virtual=lot.virtual)
+        named = f"--serial {shlex.quote(one.serial)} --metric {shlex.quote(one.metric)} --reference {one.reference:g}"
+        again = again_of(f"lostmotion quality type1 {named}", data, Lot(bench=lot.bench, virtual=lot.virtual))
+        if lot.since is not None or lot.until is not None:  # the command of the study itself knows no time
+            place = shlex.quote(f"{one.serial}:{one.metric}:{one.reference:g}")
+            again = again_of(f"lostmotion quality validation --out DIR --type1 {place}", data, lot)
         try:
             with production(data) as look:
+                of_time = lot._replace(recipe=None, model=None)
+                runs = tuple(look.measured(of_time, one.serial)) if lot.since or lot.until else None
+                part = Part(one.serial, one.metric, bench=lot.bench, virtual=lot.virtual, runs=runs)
                 study = type_one_of(look, part, one.reference, None, SHARE_PCT).study
         except (StationError, AnalysisError) as error:
             yield _of(asked, str(error), OPEN, again)
@@ -111,30 +136,34 @@ def _type_one(data: Path, lot: Lot, parts: tuple[KnownPart, ...]) -> Iterator[Ev
         told = f"Cg {study.cg:.2f} ({study.cg_low:.2f} … {study.cg_high:.2f})"
         told += f", Cgk {study.cgk:.2f} from {study.cgk_low:.2f}"
         told += f", {study.measurements} measurements, bias {study.bias:.3g}, tolerance {study.tolerance:g}"
-        yield _of(asked, told, judged(min(study.cg, study.cgk) >= LEAST_CG), again)
+        yield _of(asked, _marked(told, lot), judged(min(study.cg, study.cgk) >= LEAST_CG), again)
 
 
-def _gages(gages: tuple[GageFigure | str, ...]) -> Iterator[Evidence]:
+def _gages(data: Path, lot: Lot, gages: tuple[GageFigure | str, ...], by: str) -> Iterator[Evidence]:
     asked = f"Gage study: gage spread at most {MOST_GRR_PCT:g} % (good: 10 %), {LEAST_NDC} categories or more"
     if not gages:
         yield _of(asked, "no metric was named", OPEN, "--gage METRIC")
     for one in gages:
+        metric = one.partition(":")[0] if isinstance(one, str) else one.metric
+        study = f"lostmotion quality validation --out DIR --gage {shlex.quote(metric)} --by {by}"
+        again = again_of(study, data, lot)
         if isinstance(one, str):
-            yield _of(asked, one, OPEN, "lostmotion gage")
+            yield _of(asked, one, OPEN, again)
             continue
         of_tolerance = "no tolerance" if one.tolerance_pct is None else f"{one.tolerance_pct:.3g} % of the tolerance"
         share = one.grr_pct if one.tolerance_pct is None else max(one.grr_pct, one.tolerance_pct)
         told = f"{one.metric}: {one.grr_pct:.3g} % of the total spread, {of_tolerance}, ndc {one.ndc}; {one.design}"
         met = share <= MOST_GRR_PCT and one.ndc >= LEAST_NDC
-        yield _of(asked, told, judged(met), f"lostmotion gage --metric {one.metric}")
+        yield _of(asked, _marked(told, lot), judged(met), again)
 
 
 def _process(data: Path, lot: Lot) -> Iterator[Evidence]:
     asked = f"Process capability: Cpk at least {LEAST_CPK} for each metric with a limit"
-    again = f"lostmotion quality capability --data {data}"
+    again = again_of("lostmotion quality capability", data, lot)
     try:
         with production(data) as look:
             lot = look.one_recipe(lot)
+            again = again_of("lostmotion quality capability", data, lot)
             yields, rows = yield_of(look, lot).whole, capability_of(look, lot).rows
     except (StationError, AnalysisError) as error:
         yield _of(asked, str(error), OPEN, again)
@@ -142,7 +171,8 @@ def _process(data: Path, lot: Lot) -> Iterator[Evidence]:
     first, final = yields.first_pass, yields.final
     told = f"{first.of} units: first-pass {first.number}, final {final.number} of {final.of} passed"
     told += f"; first-pass with 95 % confidence {100 * first.low:.3g} … {100 * first.high:.3g} %"
-    yield _of("Yield of the lot", told, MET, "lostmotion quality yield")
+    shown = again_of("lostmotion quality yield", data, lot)
+    yield _of("Yield of the lot, of which nothing is required", _marked(told, lot), STATED, shown)
     for row in rows:
         name = f"{row.metric.name} side {row.side}"
         if row.found is None:
@@ -150,5 +180,5 @@ def _process(data: Path, lot: Lot) -> Iterator[Evidence]:
             continue
         found = row.found
         told = f"{name}: Cpk {found.within.nearest:.2f} ({found.cpk_low:.2f} … {found.cpk_high:.2f})"
-        told += f", {found.values} values"
-        yield _of(asked, told, judged(found.within.nearest >= LEAST_CPK), again)
+        told = "; ".join([f"{told}, {found.values} values", *tested_by_others(row, "")])
+        yield _of(asked, _marked(told, lot), judged(found.within.nearest >= LEAST_CPK), again)

@@ -20,7 +20,7 @@ from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.store.outbox import catch_up
-from station.store.plant.hours import FIRST_ATTEMPT, between_hours, whole_hours
+from station.store.plant.hours import COMPLETE, FIRST_ATTEMPT, between_hours, whole_hours
 from station.store.stored_runs import NO_LIMIT, is_trusted, values_of
 from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
@@ -149,6 +149,21 @@ class Production:
             return ""
         asked = self.of(select(RUNS.c.run), lot).where(*conditions).order_by(RUNS.c.run.desc())
         return str(self.connection.execute(asked.offset(newest - 1).limit(1)).scalar() or "")
+
+    def measured(self, lot: Lot, serial: str | None = None) -> list[str]:
+        """Return the complete runs of a lot as a study counts them, of one unit or all.
+
+        All attempts count, and master parts and the runs of guided studies too; runs of injected faults do not.
+        """
+        asked = select(RUNS.c.run).where(RUNS.c.chain == self.chain.id, RUNS.c.state == COMPLETE, self.trusted())
+        asked = asked.where(RUNS.c.virtual.is_(lot.virtual), RUNS.c.altered == "", RUNS.c.scenario.is_(None))
+        asked = asked if serial is None else asked.where(RUNS.c.serial == serial)
+        for name in ("recipe", "model", "bench"):
+            value = getattr(lot, name)
+            asked = asked if value is None else asked.where(RUNS.c[name] == value)
+        asked = asked if lot.since is None else asked.where(RUNS.c.started >= lot.since)
+        asked = asked if lot.until is None else asked.where(RUNS.c.started < lot.until)
+        return list(self.connection.execute(asked.order_by(RUNS.c.run)).scalars())
 
     def choices(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return all recipes and models of the folder."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from stored_runs import metric, store_run
 
 from recipes import find_bench
 from station.cli.quality import validation
-from station.documents.validation import ATTACHED, MET, NOT_MET, OPEN, PARTS, STATES, Evidence, ValidationPack
+from station.documents.validation import ATTACHED, MET, NOT_MET, OPEN, PARTS, STATED, STATES, Evidence, ValidationPack
 from station.errors import StationError
 from station.quality.validation.operation import SELF_TEST, SelfTest, operation, report_of_tests
 from station.quality.validation.pack import counts, fulfilled
@@ -20,6 +21,8 @@ from station.quality.validation.performance import GageFigure, known_part, perfo
 from station.store.quality.lot import Lot
 
 REPORT = '<testsuites><testsuite tests="{}" failures="{}" errors="0" skipped="{}" hostname="bench-3"/></testsuites>'
+
+YIELD = "Yield of the lot, of which nothing is required"
 
 
 @pytest.fixture(scope="module")
@@ -135,8 +138,65 @@ def test_figures_are_those_of_the_studies(folder: Path) -> None:
     assert [one.state for one in gage] == [MET, NOT_MET, NOT_MET, OPEN]
     (due,) = (one for one in found if one.asked.startswith("Master parts"))
     assert due.state == OPEN
-    (lot,) = (one for one in found if one.asked == "Yield of the lot")
+    (lot,) = (one for one in found if one.asked == YIELD)
     assert lot.found.startswith("12 units: first-pass 12, final 12 of 12 passed")
+
+
+def test_a_yield_is_stated_and_not_met_as_nothing_is_required_of_it(tmp_path: Path) -> None:
+    for number in range(5):
+        value, failed = (0.5 + 0.01 * number, None) if number == 0 else (1.5 + 0.01 * number, "lost_motion")
+        store_run(tmp_path, f"U{number}", [metric(value)], day=number, failed=failed)
+    (lot,) = (one for one in performance(tmp_path, None, Lot(), (), ()) if one.asked == YIELD)
+    assert lot.found.startswith("5 units: first-pass 1, final 1 of 5 passed")
+    assert lot.state == STATED
+
+
+def virtual_gage(data: Path) -> Path:
+    """Store a gage study of virtual units: 12 parts, two operators, twice each."""
+    for number in range(12):
+        for attempt in range(4):
+            value = 0.5 + 0.01 * number + 0.0005 * (attempt % 2)
+            when = {"day": number + attempt / 10, "operator": "AB"[attempt // 2], "virtual": f"P{number}"}
+            store_run(data, f"V{number}", [metric(value)], **when)
+    return data
+
+
+def of_performance(data: Path, out: Path, *words: str) -> dict[str, Any]:
+    asked = ("--data", str(data), "--out", str(out), "--gage", "lost_motion", "--recipe", "inverse", *words)
+    made = here("quality", "validation", *asked, "--json")
+    return {one["asked"].split(":")[0]: one for one in made.json["pack"]["evidence"] if one["part"] == "performance"}
+
+
+def test_virtual_units_count_where_they_are_asked_for_and_are_marked(tmp_path: Path) -> None:
+    data = virtual_gage(tmp_path / "runs")
+    real = of_performance(data, tmp_path / "real")["Gage study"]
+    assert real["state"] == OPEN
+    assert "There are 48 runs of virtual units: add --virtual" in real["found"]
+    found = of_performance(data, tmp_path / "virtual", "--virtual")
+    assert found["Gage study"]["state"] == MET
+    marked = [found[name] for name in ("Gage study", "Process capability", YIELD)]
+    assert all(one["found"].startswith("VIRTUAL units: ") for one in marked)
+
+
+def test_the_time_of_the_lot_holds_for_its_studies_too(folder: Path, tmp_path: Path) -> None:
+    early = of_performance(folder, tmp_path / "early", "--until", "2026-01-09T00:00")["Gage study"]
+    assert "4 parts, 2 by operator" in early["found"]
+    late = of_performance(folder, tmp_path / "late", "--since", "2030-01-01", "--type1", "MASTER:lost_motion:0.502")
+    assert (late["Gage study"]["state"], late["Type 1 study of lost_motion on MASTER"]["state"]) == (OPEN, OPEN)
+    assert "the chosen lot has no run of a real unit" in late["Gage study"]["found"]
+    assert "no valid run" in late["Type 1 study of lost_motion on MASTER"]["found"]
+
+
+def test_a_figure_is_shown_again_by_the_command_beside_it(tmp_path: Path) -> None:
+    data = virtual_gage(tmp_path / "the runs")
+    chosen = ("--virtual", "--until", "2026-01-09T00:00")
+    found = of_performance(data, tmp_path / "pack", *chosen, "--type1", "V1:lost_motion:0.51")
+    for name, shown in (("Process capability", "4 "), (YIELD, "4 of 4"), ("Gage study", "4 parts")):
+        words = shlex.split(found[name]["again"].replace("--out DIR", f"--out '{tmp_path / 'again'}'"))
+        assert words[0] == "lostmotion"
+        told = here(*words[1:], *(("--json",) if "validation" in words else ()))
+        assert shown in told.out, (name, words)
+    assert "--virtual" in found["Type 1 study of lost_motion on V1"]["again"]
 
 
 def test_what_was_not_shown_is_open_and_what_went_wrong_is_not_met(tmp_path: Path) -> None:
@@ -167,7 +227,7 @@ def test_nothing_open_and_nothing_not_met_is_what_ends_with_0() -> None:
     assert fulfilled(pack(MET, ATTACHED))
     assert not fulfilled(pack(MET, OPEN))
     assert not fulfilled(pack(MET, NOT_MET))
-    assert counts(pack(MET, OPEN, OPEN)) == {MET: 1, NOT_MET: 0, OPEN: 2, ATTACHED: 0}
+    assert counts(pack(MET, OPEN, OPEN)) == {MET: 1, NOT_MET: 0, OPEN: 2, STATED: 0, ATTACHED: 0}
 
 
 @pytest.mark.long

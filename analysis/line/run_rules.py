@@ -4,7 +4,8 @@ Every rule is a row. What a choice of rules costs is their average run length (A
 until a steady process raises a false alarm. Rules that look at zones alone are a Markov chain, whose ARL is exact
 (C. Champ and W. Woodall 1987, "Exact results for Shewhart control charts with supplementary runs rules", Technometrics
 29); rules that compare a point with the one before it are simulated, with the error stated. Points are in standard
-deviations of the plotted statistic from the centre, normal and independent, with known limits.
+deviations of the plotted statistic from the centre, normal and independent, with known limits. What the chart of the
+spread beside it adds stands in `chart_run_length`.
 
 Sources: Western Electric, Statistical Quality Control Handbook (1956); L. Nelson (1984), "The Shewhart control chart:
 tests for special causes", Journal of Quality Technology 16.
@@ -119,20 +120,24 @@ def signals(points: FloatArray, rules: Sequence[str]) -> tuple[Signal, ...]:
     return tuple(sorted(found, key=lambda one: (one.point, rules.index(one.rule))))
 
 
-def average_run_length(rules: Sequence[str], shift: float = 0.0) -> RunLength:
+def average_run_length(
+    rules: Sequence[str], shift: float = 0.0, *, beside: float = 0.0, most_step: float = math.inf
+) -> RunLength:
     """Return the average run length of rules together.
 
     rules: names of `RULES`. shift: by how many standard deviations of the plotted statistic the process stands off its
-    centre; 0 is a process without change, of which every signal is a false alarm.
+    centre; 0 is a process without change, of which every signal is a false alarm. beside: probability with which each
+    point is signalled by something else, whatever the points are. most_step: distance of a point from the one before
+    it, in the same standard deviations, beyond which it is signalled too; inf for none.
     """
-    return _run_length(tuple(rules), shift)
+    return _run_length(tuple(rules), shift, beside, most_step)
 
 
 @functools.cache
-def _run_length(rules: tuple[str, ...], shift: float) -> RunLength:
-    if all(RULES[name].kind in BY_ZONE for name in rules):
-        return RunLength(_exact(rules, shift), 0.0)
-    return _simulated(rules, shift)
+def _run_length(rules: tuple[str, ...], shift: float, beside: float, most_step: float) -> RunLength:
+    if most_step == math.inf and all(RULES[name].kind in BY_ZONE for name in rules):
+        return RunLength(_exact(rules, shift, beside), 0.0)
+    return _simulated(rules, shift, beside, most_step)
 
 
 def _completed(points: FloatArray, rule: Rule) -> BoolArray:
@@ -165,8 +170,11 @@ def _filled(hits: BoolArray, rule: Rule) -> BoolArray:
 _History = tuple[tuple[bool, ...], ...]
 
 
-def _exact(rules: Sequence[str], shift: float) -> float:
-    """Run length of rules of zones, as the mean time to absorption of a Markov chain over what a rule remembers."""
+def _exact(rules: Sequence[str], shift: float, beside: float = 0.0) -> float:
+    """Run length of rules of zones, as the mean time to absorption of a Markov chain over what a rule remembers.
+
+    A signal from beside absorbs it from every state alike, so each step goes on with 1 − beside of its probability.
+    """
     chosen = [RULES[name] for name in rules]
     zones = _zones(chosen, shift)
     numbers: dict[_History, int] = {}
@@ -184,7 +192,7 @@ def _exact(rules: Sequence[str], shift: float) -> float:
             if after not in numbers:
                 numbers[after] = len(numbers)
                 waiting.append(after)
-            row[numbers[after]] = row.get(numbers[after], 0.0) + probability
+            row[numbers[after]] = row.get(numbers[after], 0.0) + (1.0 - beside) * probability
         while len(rows) <= numbers[state]:
             rows.append({})
         rows[numbers[state]] = row
@@ -240,8 +248,12 @@ def _after(state: _History, hits: Sequence[bool], chosen: Sequence[Rule]) -> _Hi
     return tuple(found)
 
 
-def _simulated(rules: Sequence[str], shift: float) -> RunLength:
-    """Run length by simulation, with the functions that judge a chart."""
+def _simulated(rules: Sequence[str], shift: float, beside: float = 0.0, most_step: float = math.inf) -> RunLength:
+    """Run length by simulation, with the functions that judge a chart.
+
+    Signals from beside are not drawn: a run that ends at point N by the rules ends with them after the sum of
+    (1 − beside)^t for t from 0 to N − 1 on average, which is (1 − (1 − beside)^N) / beside.
+    """
     random = np.random.default_rng(SEED)
     memory = max(RULES[name].of for name in rules)
     before = np.empty((SERIES, 0))
@@ -253,10 +265,13 @@ def _simulated(rules: Sequence[str], shift: float) -> RunLength:
         hit = np.zeros(points.shape, dtype=np.bool_)
         for name in rules:
             hit |= _completed(points, RULES[name])
+        hit[:, 1:] |= np.abs(np.diff(points, axis=1)) > most_step
         hit = hit[:, before.shape[1] :]
         ended = hit.any(axis=1)
         lengths[alive[ended]] = begin + 1 + np.argmax(hit[ended], axis=1)
         alive, before = alive[~ended], points[~ended, -memory:]
         if not alive.size:
             break
+    if beside > 0.0:
+        lengths = -np.expm1(lengths * math.log1p(-beside)) / beside
     return RunLength(float(lengths.mean()), float(lengths.std(ddof=1)) / math.sqrt(SERIES))

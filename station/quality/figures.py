@@ -7,10 +7,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from analysis.line.capability import Capability, capability
+from analysis.line.chart_run_length import chart_run_length
 from analysis.line.control_chart import ControlChart, control_chart
 from analysis.line.groups import GroupsCompared, compare_groups
 from analysis.line.proportions import Cause, Proportion, pareto, proportion
-from analysis.line.run_rules import RunLength, average_run_length
+from analysis.line.run_rules import RunLength
 from analysis.trace.errors import AnalysisError
 from station.counted import counted
 from station.documents.result import Limits
@@ -217,8 +218,9 @@ def _nearest(production: Production, lot: Lot, what: Characteristic, side: str) 
 class ChartFigure:
     """Control chart of a metric.
 
-    run_length: points until a false alarm, on average, by the rules together; shifted: points until a shift of one
-    standard deviation of what is plotted is found. runs: the last run of each subgroup.
+    run_length: points until a false alarm, on average, by the rules of the means and the limits of the spreads
+    together; shifted: points until both together find a shift of one standard deviation of what is plotted. runs: the
+    last run of each subgroup.
     """
 
     lot: Lot
@@ -265,8 +267,8 @@ def chart_of(
         judging,
         rules,
         chart,
-        average_run_length(rules),
-        average_run_length(rules, SHIFT_SIGMAS),
+        chart_run_length(rules, chart.kind, subgroup),
+        chart_run_length(rules, chart.kind, subgroup, SHIFT_SIGMAS),
         tuple(row.run for row in last),
         tuple(row.started for row in last),
         other_meanings(production, lot, what),

@@ -171,7 +171,7 @@ def print_chart(data: Path, lot: Lot, asked: ChartAsked, *, as_json: bool) -> in
         f"{found.metric.name} side {found.side}: {len(chart.means)} subgroups, limits from the first {chart.baseline}",
         Grid(("", "centre", "lower limit", "upper limit"), rows, right=(1, 2, 3)),
         f"rules: {'; '.join(RULES[name].text for name in rules)}",
-        f"average run length without a change: {run_length_text(found.run_length)} points",
+        f"average run length without a change: {run_length_text(found.run_length)} points ({plotted} and {chart.kind})",
         _false_alarms(hourly, asked.units_per_hour),
         f"a shift of one standard deviation of what is plotted is found after {run_length_text(found.shifted)} points",
     ]

@@ -172,7 +172,7 @@ def chart_words(found: ChartFigure, units_per_hour: float = 60.0) -> str:
     said = "In control." if chart.in_control else f"{counted(signals, 'signal')}: out of control."
     hours = 1.0 / found.false_alarms_per_hour(units_per_hour)
     return (
-        f"{said} On average these rules raise a false alarm every {ends.points:.4g}{error} points "
+        f"{said} On average means and spread together raise a false alarm every {ends.points:.4g}{error} points "
         f"(every {hours:.3g} h at {units_per_hour:g} units an hour). They find a shift of the mean by 1 σ after "
         f"{found.shifted.points:.3g} points."
     )

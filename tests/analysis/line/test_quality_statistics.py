@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from analysis.line.chart_run_length import chart_run_length, spread_alarm
 from analysis.line.control_chart import Limits, control_chart, limits_of, sd_constants, spread_constants
 from analysis.line.gage_study import range_constants
 from analysis.line.groups import Sums, compare_groups
@@ -160,6 +162,49 @@ def test_what_is_simulated_agrees_with_what_is_computed() -> None:
     all_of_nelson = average_run_length(RULE_SETS["nelson"])
     assert 0.0 < all_of_nelson.standard_error < 0.02 * all_of_nelson.points
     assert all_of_nelson.points < 91.75
+
+
+@pytest.mark.parametrize(
+    ("subgroup", "kind", "rules"),
+    [
+        (1, None, "shewhart"), (1, None, "western-electric"), (2, None, "shewhart"), (5, None, "shewhart"),
+        (5, "standard deviation", "shewhart"), (5, None, "western-electric"), (5, None, "nelson"),
+    ],
+)  # fmt: skip
+def test_run_lengths_of_a_whole_chart_are_those_of_its_signals(
+    subgroup: int, kind: Literal["standard deviation"] | None, rules: str
+) -> None:
+    """Simulated charts of a steady process, judged by `control_chart`: the first signal of each of 1000 pieces.
+
+    A piece is some ten run lengths long. The mean of so many run lengths has a standard error of about 3 %, and limits
+    from a million values have next to none.
+    """
+    pieces, length = 1000, 1500
+    values = np.random.default_rng(19_870_208).standard_normal(pieces * length * subgroup)
+    chart = control_chart(values, subgroup, RULE_SETS[rules], kind=kind)
+    points = np.unique([*(one.point for one in chart.signals), *chart.spread_signals]) - 1
+    of_piece, first = np.unique(points // length, return_index=True)
+    assert of_piece.size == pieces, "no piece is without a signal"
+    lengths = points[first] % length + 1
+    found = chart_run_length(RULE_SETS[rules], chart.kind, subgroup)
+    error = math.hypot(lengths.std(ddof=1) / math.sqrt(pieces), found.standard_error)
+    assert abs(lengths.mean() - found.points) < 4.0 * error
+    assert found.points < average_run_length(RULE_SETS[rules]).points - 4.0 * error, "sooner than by the means alone"
+
+
+def test_a_spread_beyond_its_limits_is_as_likely_as_its_distribution_says() -> None:
+    for subgroup in (2, 5, 10):
+        expected, scatter = spread_constants("range", subgroup)
+        high, low = expected + 3.0 * scatter, max(0.0, expected - 3.0 * scatter)
+        of_ranges = stats.studentized_range.sf(high, subgroup, np.inf) + stats.studentized_range.cdf(
+            low, subgroup, np.inf
+        )
+        assert spread_alarm("range", subgroup) == pytest.approx(of_ranges, abs=1e-7)
+    draws = np.random.default_rng(4).standard_normal((400_000, 12)).std(axis=1, ddof=1)
+    expected, scatter = spread_constants("standard deviation", 12)
+    share = float((np.abs(draws - expected) > 3.0 * scatter).mean())
+    of_theory = spread_alarm("standard deviation", 12)
+    assert abs(share - of_theory) < 4.0 * math.sqrt(of_theory / draws.size)
 
 
 COMPLETED = {

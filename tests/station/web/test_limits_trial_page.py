@@ -99,7 +99,7 @@ def tried_by(enter: Enter, role: str) -> playwright.Page:
     page: playwright.Page = enter(role)
     page.set_default_timeout(LONGEST_MS)
     page.click("nav >> text=Quality")
-    page.wait_for_selector(".lm-words:has-text('On average these rules')")
+    page.wait_for_selector(".lm-words:has-text('On average means and spread')")
     page.get_by_label("New max").fill("wide")
     page.get_by_role("button", name="Try").click()
     page.wait_for_selector("text=Limits are numbers")

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Integer, Select, case, func, literal_column, null, select
+from sqlalchemy import ColumnElement, Integer, Select, Text, case, func, literal_column, null, select
 
 from station.errors import StationError
 from station.store.plant.hours import (
@@ -16,6 +16,7 @@ from station.store.plant.hours import (
     COMPLETE,
     FAIL,
     FIRST_ATTEMPT,
+    HOUR_DIGITS,
     NEAR,
     NO_REVISION,
     UNDECIDED,
@@ -26,38 +27,56 @@ from station.store.plant.meanings import meaning_of_metrics, meanings_of
 from station.store.quality.lot import Columns, Lot, Production
 from station.store.tables import ALARMS, CAUSE_HOURS, CHECKS, MEANINGS, METRIC_HOURS, METRICS, OF_AGAIN, RUNS
 
+HOUR = "hour"
 SHIFT_HOURS = 8
 SHIFTS_BEGIN = 6
 """Shifts of eight hours by the computer's clock, the first from 06:00."""
+
+ZONE_YEARS = range(2020, 2051)
+"""Years whose clock is looked at: runs are from these. A zone that was off by half hours is asked of its runs, too."""
 
 
 def _as_it_is(key: Any) -> str:
     return "–" if key in (None, "", NO_REVISION) else str(key)
 
 
-def _day(hour: str) -> str:
-    return f"{_local(hour):%Y-%m-%d}"
+def _day(key: str) -> str:
+    return _local(key, "%Y-%m-%d")
 
 
-def _shift(hour: str) -> str:
-    number = (_local(hour).hour - SHIFTS_BEGIN) // SHIFT_HOURS % (24 // SHIFT_HOURS)
+def _shift(key: str) -> str:
+    hour = _local(key, "%H")
+    if not hour.isdigit():
+        return hour
+    number = (int(hour) - SHIFTS_BEGIN) // SHIFT_HOURS % (24 // SHIFT_HOURS)
     begin = SHIFTS_BEGIN + number * SHIFT_HOURS
     return f"{begin % 24:02}:00 to {(begin + SHIFT_HOURS) % 24:02}:00"
 
 
-def _month(hour: str) -> str:
-    return f"{_local(hour):%Y-%m}"
+def _month(key: str) -> str:
+    return _local(key, "%Y-%m")
 
 
-def _local(hour: str) -> datetime:
-    return datetime.fromisoformat(f"{hour}:00:00+00:00").astimezone()
+def _local(key: str, form: str) -> str:
+    """Return what the computer's clock shows at the begin of an hour or quarter of an hour of UTC; '–' for none."""
+    hour, minute = key[:HOUR_DIGITS], key[HOUR_DIGITS:] or "00"
+    if len(hour) < HOUR_DIGITS:
+        return _as_it_is(None)
+    return f"{datetime.fromisoformat(f'{hour}:{minute}:00+00:00').astimezone():{form}}"
+
+
+def whole_hour_zone() -> bool:
+    """Whether the computer's clock is whole hours off UTC, in summer as in winter, so that no hour lies in two days."""
+    moments = (datetime(year, month, 15, tzinfo=UTC).astimezone() for year in ZONE_YEARS for month in (1, 7))
+    return all((moment.utcoffset() or timedelta()) % timedelta(hours=1) == timedelta() for moment in moments)
 
 
 class Grouping(NamedTuple):
     """How runs are put together: by which column of a table of runs, and how what is in it is called.
 
-    Times are grouped by the hour first, and the hours by the computer's clock. of_hours: whether the tables by the hour
-    have it; else the runs themselves are asked.
+    Times are grouped by the hour first, and the hours by the computer's clock. Where that is not whole hours off UTC,
+    as in India, an hour of UTC lies in two shifts or days: then the runs are grouped by the quarter of an hour.
+    of_hours: whether the tables by the hour have it; else the runs themselves are asked.
     """
 
     of: str
@@ -66,10 +85,26 @@ class Grouping(NamedTuple):
     text: str
     of_hours: bool = True
 
+    @property
+    def by_hours(self) -> bool:
+        """Whether the tables by the hour say it where this computer stands."""
+        return self.of_hours and (self.of != HOUR or whole_hour_zone())
+
+    @property
+    def said(self) -> tuple[str, ...]:
+        """Columns of a run that it is read from."""
+        return (HOUR, "started") if self.of == HOUR else (self.of,)
+
 
 def _hour(runs: Any) -> ColumnElement[Any]:
     column: ColumnElement[Any] = runs.c.hour
-    return column
+    if "started" not in runs.c or whole_hour_zone():
+        return column
+    # Without parameters: see `_sector`.
+    minute = func.substr(runs.c.started, literal_column(str(HOUR_DIGITS + 2)), literal_column("2"))
+    begins = [(minute < literal_column(f"'{end}'"), literal_column(f"'{end - 15:02}'", Text)) for end in (15, 30, 45)]
+    found: ColumnElement[Any] = column.concat(case(*begins, else_=literal_column("'45'", Text)))
+    return found
 
 
 SECTOR_DEG = 30
@@ -95,9 +130,9 @@ GROUPINGS: dict[str, Grouping] = {
     "recipe": Grouping("recipe", lambda runs: runs.c.recipe, _as_it_is, "recipe"),
     "revision": Grouping("revision", lambda runs: runs.c.revision, _as_it_is, "revision of the recipe"),
     "model": Grouping("model", lambda runs: runs.c.model, _as_it_is, "model"),
-    "shift": Grouping("hour", _hour, _shift, "shift of eight hours from 06:00"),
-    "day": Grouping("hour", _hour, _day, "day"),
-    "month": Grouping("hour", _hour, _month, "month"),
+    "shift": Grouping(HOUR, _hour, _shift, "shift of eight hours from 06:00"),
+    "day": Grouping(HOUR, _hour, _day, "day"),
+    "month": Grouping(HOUR, _hour, _month, "month"),
     "lock-angle": Grouping("lock_angle_deg", _sector, _sector_name, "lock angle in sectors of 30°", of_hours=False),
 }
 """What runs can be grouped by."""
@@ -172,7 +207,7 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
         total[1] += final
 
     for value, state, verdict, number in production.connection.execute(
-        production.counted(counted, lot, by_hours=group is None or group.of_hours)
+        production.counted(counted, lot, by_hours=group is None or group.by_hours)
     ):
         add(value, state, verdict, number, number)
     for value, state, verdict, number in production.connection.execute(_as_they_left(production, lot, counted)):

@@ -174,10 +174,10 @@ def sums(  # noqa: PLR0917 - what is asked for
 ) -> dict[str, Sums]:
     """Return the sums of each group over the whole lot, about an origin near the mean, in the order of their names."""
     group = grouping(by)
-    if group.of_hours and whole_hours(lot.since, lot.until):
+    if group.by_hours and whole_hours(lot.since, lot.until):
         asked = _sums_of_hours(production, lot, what, side, group, origin)
     else:
-        runs = production.chosen(lot, RUNS.c.valid, said=(group.of,))
+        runs = production.chosen(lot, RUNS.c.valid, said=group.said)
         away = METRICS.c.value - origin
         columns = (group.column(runs).label("key"), func.count(), func.sum(away), func.sum(away * away))
         asked = _of(select(*columns), runs, what, side).group_by("key")

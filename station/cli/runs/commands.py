@@ -149,7 +149,8 @@ def reevaluate(
             "--limits",
             metavar="TEXT",
             help='Evaluate with other limits of one metric, as in "lost_motion max=0.9" or "stiffness_at branch=mean '
-            'min=10 guard=0.5"; min, max and guard (width of the guard band) are in the unit of the metric.',
+            'min=10 guard=0.5"; min and max are in the unit of the metric. guard is the guard band as a multiple of '
+            "the uncertainty U, and no width; 0: no guard band.",
         ),
     ] = None,
     workers: Annotated[

@@ -70,3 +70,11 @@ def test_what_was_asked_for_wrongly_is_said(folder: Path, options: tuple[str, ..
     found = here("quality", *options, "--data", str(folder))
     assert found.exit_code == 2
     assert said in found.err
+
+
+def test_a_guard_is_said_to_be_a_multiple_of_the_uncertainty() -> None:
+    """As with --guard-factor of a trial: whoever takes it for a width in arcmin tries another band than he means."""
+    for words in (("reevaluate", "--help"), ("quality", "trial", "--help")):
+        told = " ".join(here(*words).out.split())
+        assert "as a multiple of the uncertainty U" in told, words
+        assert "width of the guard band" not in told

@@ -122,7 +122,7 @@ def _runs(production: Production, lot: Lot, what: Characteristic, rule: Rule, gu
         undecided = RANKS["NOT DECIDABLE"]
         rank = case((and_(_is_doubted(guard_now), rank < undecided), literal(undecided)), else_=rank)
     new = func.max(case((this, rank), else_=null()))
-    others = func.max(case((and_(~this, METRICS.c.main), _rank_now()), else_=null()))
+    others = func.max(case((~this, _rank_now()), else_=null()))
     oldest = production.oldest_of(lot, RUNS.c.valid, newest=lot.newest)
     together = (METRICS.c.chain == runs.c.chain) & (METRICS.c.run == runs.c.run)
     grouped: Select[Any] = (

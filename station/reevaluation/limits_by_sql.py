@@ -63,8 +63,7 @@ def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> Limit
         for one in rows
     ]  # fmt: skip
     found += [(_job(one), Outcome(one.run, error=NOT_KNOWN, software=software_key())) for one in unknown]
-    decides = {"rule": rule._asdict(), "meaning": what.meaning._asdict()}
-    return LimitsAnswers(question.hash_with(decides), sorted(found, key=lambda one: one[0].run))
+    return LimitsAnswers(question.hash_with((rule, what.meaning)), sorted(found, key=lambda one: one[0].run))
 
 
 def _job(one: TriedRun) -> Job:

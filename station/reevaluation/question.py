@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -79,9 +79,9 @@ class LimitsQuestion(NamedTuple):
             f"{name}={value}" for name, value in named.items() if value is not None
         )
 
-    def hash_with(self, decides: Mapping[str, Any]) -> str:
+    def hash_with(self, decides: Sequence[Sequence[object]]) -> str:
         """Return the hash of what decides; decides: what the question leaves open, as the runs have it."""
-        return _hash({**self._asdict(), **decides})
+        return _hash([self, *decides])
 
 
 def _hash(said: Any) -> str:

@@ -122,7 +122,7 @@ def test_limits_on_trial_take_no_doubt_from_the_other_side(tmp_path: Path) -> No
         for rule in (Rule(None, 1.1, 0.82), Rule(None, 1.1, None)):
             assert flips(look, Lot(), what, rule, guard_now=0.82) == {(UNDECIDED, "PASS"): 1}
         beside = characteristic(look, Lot(), "windup")
-        (run,) = tried_runs(look, Lot(), beside, Rule(None, 2.0, None), guard_now=0.82)
+        (run,) = tried_runs(look, Lot(), beside, Rule(None, 2.0, 0.82), guard_now=0.82)
     assert run.after == UNDECIDED, "the other metric is not decidable by its other side"
 
 

@@ -22,16 +22,20 @@ COMPLETE = "complete"
 
 AS_IT_SHOULD = "The master part read as it should. Put it back in its place."
 NOT_AS_IT_SHOULD = "The master part does not read as it should: the bench may measure wrong. Call the technician."
+GOOD_ONE_FAILED = (
+    "The good master part failed: the bench may measure wrong, or the part is worn. Put it into the NOK box and call "
+    "the technician."
+)
 NOT_MEASURED = "The master part was not measured. Measure it again, or call the technician."
 
 
 def to_do_with_part(expected: VerdictName, verdict: str) -> str:
-    """Return what is done with a master part after a verdict; '' of a good one that failed: it is put away as any."""
+    """Return what is done with a master part after a verdict."""
     if verdict == "NOT DECIDABLE":
         return NOT_MEASURED
     if verdict == expected:
         return AS_IT_SHOULD
-    return NOT_AS_IT_SHOULD if verdict == "PASS" else ""
+    return NOT_AS_IT_SHOULD if verdict == "PASS" else GOOD_ONE_FAILED
 
 
 class MasterCheck(NamedTuple):

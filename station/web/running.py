@@ -56,6 +56,7 @@ class Now:
     attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
     loop: torque [N·m] and wind-up [arcmin]. altered: why the record of the run that has ended is not to be believed.
     to_do: what is done with the unit after this verdict: what the recipe says, or a master part needs; '' of neither.
+    stopping: whether it was asked for a stop.
     record: the newest record of the scan, empty where none was read here; program: by which it was made.
     """
 
@@ -70,6 +71,7 @@ class Now:
     altered: tuple[str, ...] = ()
     refused: str = ""
     to_do: str = ""
+    stopping: bool = False
     record: bytes = b""
     program: Program | None = None
 
@@ -96,6 +98,8 @@ class Running:
         self._serial = ""
         self._watched: _Watched | None = None
         self._ended: Now | None = None
+        self._stopping = ""
+        """The run that was asked for a stop."""
         self._refused = ""
         self._newest: subprocess.Popen[bytes] | None = None
         self._next, self._likely, self._over = NextRun(), ("", ""), Event()
@@ -154,10 +158,17 @@ class Running:
         return self.now().stage in (STARTING, RUNNING)
 
     def stop(self) -> bool:
-        """Ask the run that is on for a stop, as Ctrl-C does; False where there is none."""
-        if self.now().stage != RUNNING or self._watched is None:
+        """Ask the run that is on for a stop, as Ctrl-C does; False where there is none.
+
+        It is asked once: asked again a run stops at once, with the torque where it is.
+        """
+        now = self.now()
+        if now.stage != RUNNING or self._watched is None:
             return False
+        if now.run == self._stopping:
+            return True
         supervisor = self._watched.record.manifest().desk
+        self._stopping = now.run
         with suppress(ProcessLookupError):
             os.kill(supervisor.pid, signal.SIGINT)
         return True
@@ -223,7 +234,8 @@ class Running:
             f"{manifest.recipe.name} r{manifest.recipe.revision}",
         )
         _read_on(watched)
-        said = replace(said, record=watched.newest, program=watched.reader.program if watched.reader else None)
+        stopping, program = record.id == self._stopping, watched.reader.program if watched.reader else None
+        said = replace(said, record=watched.newest, program=program, stopping=stopping)
         if not is_sealed(manifest) and not record.deserted():
             return replace(said, view=watched.view, loop=tuple(watched.loop))
         found = record.read(Result, RESULT) if record.has(RESULT) else None

@@ -19,6 +19,7 @@ from station.cli.measure.scans import Scans
 from station.errors import StationError
 from station.records.certificate_code import names_a_run
 from station.records.data_folder import Store, check_operator
+from station.records.master_parts import GOOD_ONE_FAILED
 from station.reports.result_text import VERDICT_STYLES
 from station.web.actions.perform import perform_here, refuse_here
 from station.web.actions.row import BAD_INPUT, OK, Answer
@@ -141,15 +142,11 @@ class Line:
             self._say(f"The unit of run {bad} is put away. {DO['PASS']}")
 
     def _print_again(self) -> None:
-        """Have the awaited label printed once more, or that of the newest run where none is awaited.
+        """Have the label of the newest run printed once more: it goes on the unit in the operator's hand.
 
-        It goes on the unit in the operator's hand: that of an earlier run is another unit's.
+        That of an earlier run is another unit's, also where it is still awaited.
         """
-        labels = self._station.labels
-        with self._station.database.reading() as connection:
-            awaited = None if labels is None else outbox.awaited(connection, labels)
-        newest = [one.id for one in Store(self._station.data).newest(1)]
-        run = awaited.run if awaited is not None else "".join(newest)
+        run = "".join(one.id for one in Store(self._station.data).newest(1))
         if (answer := self._done("print_label", {"run": run})) and isinstance(answer.said, LabelTold):
             self._say(f"The label of run {run} is printed again, as copy {answer.said.copy_number}. {self._awaited()}")
 
@@ -211,7 +208,10 @@ class Line:
             self._say(f"NO RESULT  {serial}  {ELSE}")
 
     def _to_do(self, serial: str, verdict: str) -> str:
-        return self._bench.to_do_with_part(serial, verdict) or to_do(self._bench.to_do_after(verdict), verdict)
+        of_part = self._bench.to_do_with_part(serial, verdict)
+        if of_part and of_part != GOOD_ONE_FAILED:
+            return of_part
+        return to_do(of_part or self._bench.to_do_after(verdict), verdict)
 
     def _done(self, action: str, values: dict[str, JsonValue]) -> Answer | None:
         """Do an action; None where it was refused, which is said."""

@@ -29,6 +29,7 @@ from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.people.accounts import MES
 from station.web.people.database import CONFIRMED
 from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
+from station.web.running import STARTING
 from station.web.scanner import serial_of
 from station.web.scanner_test import is_tested, keep_test, misread
 from station.web.station import Station
@@ -117,10 +118,12 @@ def bad_unit(station: Station, run: str) -> BadUnit | None:
 
 
 def stop_run(call: Call, _given: Nothing) -> Outcome:
-    """Stop the run that is on; NotNowError: none is."""
-    if not call.station.running.stop():
-        raise NotNowError([("no_run", "No run is in progress.")])
-    return Outcome()
+    """Stop the run that is on, once; NotNowError: none is, or it only starts."""
+    if call.station.running.stop():
+        return Outcome()
+    if call.station.running.now().stage == STARTING:
+        raise NotNowError([("no_run", "The run is starting and nothing moves yet. Stop it again in a moment.")])
+    raise NotNowError([("no_run", "No run is in progress.")])
 
 
 def confirm(call: Call, given: Confirm) -> RunConfirmed:

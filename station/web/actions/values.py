@@ -12,7 +12,9 @@ from recipes.text.section import Revision as RevisionNumber
 from recipes.text.yaml_source import LARGEST_FILE
 from station.web.bypasses import LONGEST_HOURS
 
-ReasonText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=3, max_length=200)]
+ONE_LINE = r"^[^\x00-\x1f\x7f-\x9f\u200b-\u200f\u2028-\u202e\u2066-\u2069\ufeff]*$"
+"""No sign that would make another line of it, or turn it round, wherever it is shown."""
+ReasonText = Annotated[str, StringConstraints(strip_whitespace=True, min_length=3, max_length=200, pattern=ONE_LINE)]
 """Why somebody lets something pass, or does not: some words, for blanks give no reason."""
 
 

@@ -123,7 +123,8 @@ class _Page:
         self._shown: tuple[Any, ...] = ()
         self._scan = ("", 0.0, "")
         self._session_seen = 0.0
-        self._awaited = False
+        self._awaited = ""
+        """The run whose label is awaited."""
         self._bad: BadUnit | None = None
         self._bad_of = ("", "")
         """Stage and run by which it was looked whether the unit is bad."""
@@ -167,7 +168,7 @@ class _Page:
                 return
             self._bypasses.set_text(" ".join(self._words(str(one)) for one in bypasses))
             self._bypasses.set_visibility(bool(bypasses))
-            self._awaited = label is not None
+            self._awaited = "" if label is None else label.run
             self._label.set_text("" if label is None else self._words(str(label)))
             self._label.set_visibility(label is not None)
             self._bad_of = ("", "")  # it may have been put away by another page
@@ -177,7 +178,7 @@ class _Page:
             self._bad = await asyncio.to_thread(bad_unit, self._station, now.run) if now.stage == ENDED else None
             self._bad_of = (now.stage, now.run)
         self._nok.set_visibility(self._bad is not None and not self._bad.by)
-        self._stop.set_visibility(now.stage == IS_RUNNING)
+        self._stop.set_visibility(now.stage == IS_RUNNING and not now.stopping)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
         self._loop.show(now)
         view = now.view
@@ -203,7 +204,7 @@ class _Page:
         self._tile.classes(add="lm-put-away" if put_away else "")
         to_do = shown.to_do
         if shown in VERDICTS.values():
-            to_do = LABEL_FIRST if self._awaited else now.to_do or shown.to_do
+            to_do = LABEL_FIRST if now.run and self._awaited == now.run else now.to_do or shown.to_do
         if put_away and shown is VERDICTS["FAIL"]:
             to_do = SCAN_NEXT
         state = view.words if view is not None and now.stage == IS_RUNNING else ""

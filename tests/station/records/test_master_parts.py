@@ -19,6 +19,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import (
     AS_IT_SHOULD,
+    GOOD_ONE_FAILED,
     NOT_AS_IT_SHOULD,
     NOT_MEASURED,
     master_parts,
@@ -141,7 +142,7 @@ def test_a_bench_file_names_each_master_part_once() -> None:
         ("FAIL", "FAIL", AS_IT_SHOULD),
         ("FAIL", "PASS", NOT_AS_IT_SHOULD),
         ("PASS", "PASS", AS_IT_SHOULD),
-        ("PASS", "FAIL", ""),
+        ("PASS", "FAIL", GOOD_ONE_FAILED),
         ("FAIL", "NOT DECIDABLE", NOT_MEASURED),
         ("PASS", "NOT DECIDABLE", NOT_MEASURED),
     ],

@@ -16,7 +16,7 @@ from definitions.jog import PHASES
 from definitions.metrics import METRICS
 from definitions.states import row_of
 from station.records.clocks import CLOCK_TEXTS
-from station.records.master_parts import AS_IT_SHOULD, NOT_AS_IT_SHOULD, NOT_MEASURED
+from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
 from station.reports.content import PASSED
 from station.reports.headline import BENCH_FAULT, FAULTS_INJECTED, STOPPED_BY
 from station.web.actions.jog import NO_JOG
@@ -85,7 +85,7 @@ TEXTS = [
     operator.LABEL_READ, operator.LABEL_FIRST, operator.PRINT_AGAIN,
     operator.CONFIRMED_BY, operator.SCAN_NEXT, operator.SCAN_AGAIN, operator.NO_BAD_UNIT,
     operator.NOT_TAKEN, operator.TYPED, operator.STOP, operator.STOPPING,
-    AS_IT_SHOULD, NOT_AS_IT_SHOULD, NOT_MEASURED,
+    AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED,
     operator.CAPS_LOCK_ON, operator.SCANNER_TESTED, CAPS_LOCK, LAYOUT, OTHER, WRONG_BADGE, WRONG_PASSWORD,
     "torque", "wind-up", "time left",
     *said(run), *said(run_text), *said(loop_figure), *run.FILE_WORDS.values(), run_text.RESTORE, *CLOCK_TEXTS.values(),

@@ -135,9 +135,11 @@ def test_a_bad_unit_is_told_by_word_shape_and_colour_and_put_away_before_the_nex
     assert page.locator(".lm-tile svg rect").count() == 1
     assert "NOK box" in page.inner_text(".lm-do")
     assert page.locator(".lm-nok:visible").count() == 1, "whoever scans no other unit confirms it too"
-    scan(page, "BAD-1")
+    page.focus(".lm-nok")
+    scan(page, "BAD-1 ")
     page.wait_for_selector(".lm-refused:visible")
     assert "BAD-1" in page.inner_text(".lm-scanned")
+    assert page.locator(".lm-nok:visible").count() == 1, "no key of a scan presses the button that has the focus"
     assert_all_fits(enter("technician"))
     page.click(".lm-nok")
     page.wait_for_selector(".lm-refused:visible >> text=Scan unit BAD-1 again")
@@ -187,7 +189,8 @@ def test_what_is_typed_slowly_and_what_is_no_serial_number_starts_nothing(page: 
     assert "SN-9" in page.inner_text(".lm-scanned")
     page.evaluate(FAST, "x")
     refused(page, TYPED)
-    page.click(".lm-cancel")
+    page.focus(".lm-cancel")
+    page.keyboard.press(" ")  # a blank alone is no scan: it presses the button that has the focus
     page.wait_for_selector(".lm-refused", state="hidden")
     for ask in (lambda text: scan(page, text), lambda text: page.evaluate(FAST, text)):
         ask("sn?8")
@@ -254,9 +257,13 @@ def test_a_run_is_stopped_by_one_click_and_its_unit_is_decided_by_nobody(page: p
     assert page.locator(".lm-stop:visible").count() == 0, "there is nothing to stop"
     scan(page, "SN-5")
     page.wait_for_selector(".lm-stop:visible")
-    page.click(".lm-stop")
+    page.focus(".lm-stop")
+    scan(page, "SN-6 ")
+    refused(page, "A run is in progress")
+    assert page.locator(".lm-stop:visible").count() == 1, "no key of a scan presses it"
+    page.dblclick(".lm-stop")
     page.wait_for_selector(f".lm-refused:visible >> text={STOPPING}")
-    shown(page, "STOPPED")
+    assert shown(page, "STOPPED", "BENCH FAULT") == "STOPPED", "pressed twice it is a controlled stop all the same"
     assert page.locator(".lm-tile.OPEN").count() == 1
     page.wait_for_selector(".lm-stop", state="hidden")
     page.wait_for_selector(".lm-refused", state="hidden")

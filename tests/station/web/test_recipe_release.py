@@ -50,7 +50,8 @@ def test_a_second_person_releases_and_the_next_unit_is_measured_by_it(
     assert engineer.post("ask_release", draft).json()["state"] == "release asked"
     back = draft | {"reason": "the limit is too wide"}
     refused(technician.post("send_recipe_back", back), 403, "role")
-    assert quality.post("send_recipe_back", draft | {"reason": "  "}).status_code == 422, "blanks give no reason"
+    for none in ("  ", "wide\nrv-40e-121-quick r9 released", "wide\x1b[31m", "wide\u202e"):
+        assert quality.post("send_recipe_back", draft | {"reason": none}).status_code == 422, "one line of words"
     assert quality.post("send_recipe_back", back).json()["state"] == "draft"
     listed = engineer.http.get("/api/recipes").json()["revisions"]
     sent = next(one for one in listed if (one["name"], one["revision"]) == ("good", 2))

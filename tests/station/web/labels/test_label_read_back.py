@@ -130,6 +130,8 @@ def test_the_loop_in_a_terminal_prints_a_label_again(plant: Station, printer: Zp
     assert "copy 3" in bench.scan("LABEL"), "one that was read and is damaged now"
     thread.look()
     assert "right one" in bench.scan(code_of(next(iter(Store(plant.data).newest(1)))))
+    good_run(plant, "SN-3")
+    thread.look()
     good_run(plant, "SN-2", failed="too wide")
     assert "has no label" in bench.scan("LABEL"), "the good unit's label does not go on the bad one"
     with plant.database.reading() as connection:

@@ -19,7 +19,7 @@ from station.records.chain.problems import PROBLEMS
 from station.records.verify import NAMED_ONCE, Verified, verify_folder
 from station.run.jog.jogs import FOLDER as JOGS
 from station.run.way_back.recoveries import FOLDER as RECOVERIES
-from station.store.verified import tell_store
+from station.store.quality.verified import tell_store
 from station.store.view import warn
 
 EXIT_PROBLEMS = 1

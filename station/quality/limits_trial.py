@@ -15,9 +15,9 @@ from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.scatter import USUAL
 from recipes import Recipe, parse_recipe
 from recipes.editing import changed
-from recipes.text.yaml_source import read_bytes
 from station.documents.result import Result
 from station.errors import StationError
+from station.quality.judged_by import NOT_KNOWN, guard_of, judged_by, recipe_bytes
 from station.quality.recipe_change import change_of, changed_recipe, definition_of, place_of
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision
@@ -26,7 +26,7 @@ from station.records.run_record import RESULT, RunRecord
 from station.store.plant.meanings import number_of, numbers_of
 from station.store.projection import meaning_of
 from station.store.quality.lot import Lot, Production
-from station.store.quality.trial import Flip, Rule, TriedSide, flipped, flips, tried_sides
+from station.store.quality.trial import Flip, GuardNow, Rule, TriedSide, flipped, flips, tried_runs, tried_sides
 from station.store.quality.values import Characteristic, ValueRow, characteristic, newest_run, values
 
 LEAST_VALUES = 10
@@ -63,8 +63,9 @@ class SideRisks:
 class Trial:
     """What new limits do to a lot: verdicts of runs before and after, those that flip, and the risks of each side.
 
-    definition: the other one that was tried, '' for none. not_evaluated: runs that could not be evaluated by it, each
-    with why; evaluated: how many were now, and known: how many had been before.
+    definition: the other one that was tried, '' for none. not_evaluated: runs that could not be evaluated by it, or
+    whose verdict under other limits is not known, each with why; they are not counted. evaluated: how many were now,
+    and known: how many had been before.
     """
 
     lot: Lot
@@ -110,7 +111,9 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
     what = characteristic(production, lot, tried.metric, tried.branch)
     run, before, after, _ = rules_of(production, lot, what, tried)
     check_limits(what.name, after.limit_min, after.limit_max)
-    counts = flips(production, lot, what, after, guard_now=before.guard_factor)
+    guard_now = judged_by(production, lot)
+    counts = flips(production, lot, what, after, guard_now=guard_now)
+    unknown = tried_runs(production, lot, what, after, guard_now=guard_now, known=False)
     changing = sum(number for (was, new), number in counts.items() if was != new)
     return Trial(
         lot,
@@ -120,14 +123,15 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
         run,
         sum(counts.values()),
         tuple((was, new, number) for (was, new), number in counts.items()),
-        tuple(flips_with_reasons(production, lot, what, after, most, guard_now=before.guard_factor)),
+        tuple(flips_with_reasons(production, lot, what, after, most, guard_now=guard_now)),
         changing,
         tuple(side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
+        not_evaluated=tuple((one.run, NOT_KNOWN) for one in unknown),
     )
 
 
 def flips_with_reasons(
-    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, guard_now: float | None
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, guard_now: GuardNow
 ) -> list[Flip]:
     """Return the newest runs that flip, newest first, each with what decides it."""
     found = flipped(production, lot, what, rule, most, guard_now=guard_now)
@@ -186,14 +190,14 @@ def rules_of(production: Production, lot: Lot, what: Characteristic, tried: Trie
 
     """
     run = newest_run(production, lot)
-    recipe = _recipe(production.chain.data, run)
+    recipe = recipe_of(production, lot)
     spread = [one for one in recipe.metrics if one.id == what.metric and one.max_standard_deviation is not None]
     if spread and not tried.definition:
         raise StationError(
             f"{what.name}: the recipe also limits the standard deviation over cycles of this metric, which the store "
             "of runs does not have. Evaluate the runs with 'lostmotion analyze --recipe'"
         )
-    guard = None if recipe.decision.rule == "simple" else recipe.decision.guard_factor
+    guard = guard_of(recipe)
     before = Rule(what.limit_min, what.limit_max, guard)
     after = Rule(
         _limit(tried.limit_min, what.limit_min),
@@ -221,13 +225,9 @@ def _limit(tried: float | None, there: float | None) -> float | None:
 
 
 def recipe_of(production: Production, lot: Lot) -> Recipe:
-    """Return the recipe of the newest run of a lot; StationError where there is none, RecipeError of that recipe."""
-    return _recipe(production.chain.data, newest_run(production, lot))
-
-
-def _recipe(data: Path, run: str) -> Recipe:
-    path = RunRecord(data / run).folder / "recipe.yaml"
-    return parse_recipe(read_bytes(path), str(path))
+    """Return the recipe of the newest run of a lot; StationError where there is none, or as `recipe_bytes`."""
+    path, content = recipe_bytes(production.chain.data, newest_run(production, lot))
+    return parse_recipe(content, str(path))
 
 
 def side_risks(
@@ -298,11 +298,11 @@ def draft_text(data: Path, found: Trial) -> bytes:
     """Return the recipe of the newest run with what was tried, as the text of its next revision.
 
     Raises:
-        StationError: the recipe does not ask for the metric itself, or more than once. RecipeError: the text is none.
+        StationError: the recipe does not ask for the metric itself, or more than once, or is not as it was.
+        RecipeError: the text is none.
 
     """
-    path = RunRecord(data / found.recipe_run).folder / "recipe.yaml"
-    content = read_bytes(path)
+    path, content = recipe_bytes(data, found.recipe_run)
     recipe = parse_recipe(content, str(path))
     metric = found.metric.metric
     check_entry(data, found.recipe_run, recipe, found.metric)

@@ -40,19 +40,37 @@ class RecipeChange(NamedTuple):
         return f"{self.metric} with {', '.join(parts)}"
 
 
+def whole_change(
+    metric: str, after: Rule, max_standard_deviation: float | None, definition: Sequence[tuple[str, str]] = ()
+) -> RecipeChange:
+    """Return what makes every recipe judge the metric by a rule, whatever limits and rule it has itself.
+
+    The runs of a lot may have recipes of several revisions. max_standard_deviation: over cycles, of the recipe that a
+    draft is made of. definition: as `change_of`.
+    """
+    limits = {"min": after.limit_min, "max": after.limit_max, "max_standard_deviation": max_standard_deviation}
+    entry = [(name, "" if limit is None else _with_unit(metric, limit)) for name, limit in limits.items()]
+    return RecipeChange(metric, (*definition, *entry), _decision(after.guard_factor))
+
+
 def change_of(metric: str, before: Rule, after: Rule, definition: Sequence[tuple[str, str]] = ()) -> RecipeChange:
-    """Return what makes one rule of the other; definition: options of the other definition, as `definition_of`."""
+    """Return what makes one rule of the other, in the recipe that has the first one.
+
+    definition: options of the other definition, as `definition_of`.
+    """
     entry = list(definition)
     for name in ("limit_min", "limit_max"):
         now, new = getattr(before, name), getattr(after, name)
         if now != new:
             entry.append((name.removeprefix("limit_"), "" if new is None else _with_unit(metric, new)))
-    factor = after.guard_factor
-    if factor == before.guard_factor:
-        return RecipeChange(metric, tuple(entry))
+    same = after.guard_factor == before.guard_factor
+    return RecipeChange(metric, tuple(entry), () if same else _decision(after.guard_factor))
+
+
+def _decision(factor: float | None) -> tuple[tuple[str, str], ...]:
     if factor is None:
-        return RecipeChange(metric, tuple(entry), (("guard_factor", ""), ("rule", "simple")))
-    return RecipeChange(metric, tuple(entry), (("rule", "guard_band"), ("guard_factor", f"{factor:g}")))
+        return ("guard_factor", ""), ("rule", "simple")
+    return ("rule", "guard_band"), ("guard_factor", _exact(factor))
 
 
 def changed_recipe(content: bytes, change: RecipeChange, named: str = NAMED) -> bytes:
@@ -155,4 +173,9 @@ def _unit(unit: str) -> str:
 
 def _with_unit(metric: str, value: float) -> str:
     unit = METRICS[metric].unit
-    return f"{value:.10g}" if unit in ("", "1") else f"{value:.10g} {unit}"
+    return _exact(value) if unit in ("", "1") else f"{_exact(value)} {unit}"
+
+
+def _exact(value: float) -> str:
+    """Return the shortest text that is read as this value: a limit that is rounded judges another way."""
+    return repr(float(value)).removesuffix(".0")

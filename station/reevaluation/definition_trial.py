@@ -16,7 +16,7 @@ from analysis.evaluation.verdict import check_limits
 from station.archive.settings import load_settings
 from station.counted import counted
 from station.quality.limits_trial import Trial, Tried, check_entry, rules_of, side_risks
-from station.quality.recipe_change import change_of, definition_of
+from station.quality.recipe_change import definition_of, place_of, whole_change
 from station.records.archive_note import SETTINGS
 from station.reevaluation.jobs import jobs_for
 from station.reevaluation.ledger import LedgerLine
@@ -52,7 +52,8 @@ def definition_trial(  # noqa: PLR0917 - what is tried on what, and how
         _, definition = definition_of(recipe, what.metric, tried.definition)
         rows = tried_runs(look, lot, what, after, guard_now=before.guard_factor)
         there = {side: values(look, lot, what, side) for side in what.sides}
-    question = Question(change=change_of(what.metric, before, after, definition))
+        spread = recipe.metrics[place_of(recipe, what.metric)].max_standard_deviation
+    question = Question(change=whole_change(what.metric, after, spread, definition))
     archive = load_settings(data) if (data / SETTINGS).is_file() else None
     wanted = jobs_for(data, [(one.run, one.serial, one.sha256, one.before) for one in rows], archive)
     found = ask_of_jobs(data, question, wanted, workers, told)

@@ -3,26 +3,37 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import NamedTuple
 
 from sqlalchemy import select
 
 from analysis.evaluation.verdict import check_limits
+from station.quality.judged_by import NOT_KNOWN, judged_by
 from station.quality.limits_trial import Tried, rules_of, why_by_rule
 from station.reevaluation.evaluate_one import Job, Outcome, software_key
 from station.reevaluation.jobs import Where
 from station.reevaluation.question import LimitsQuestion, ReevaluationError
 from station.store.quality.lot import Lot, production
-from station.store.quality.trial import tried_runs, tried_sides
+from station.store.quality.trial import TriedRun, tried_runs, tried_sides
 from station.store.quality.values import characteristic
 from station.store.tables import RUNS
 
 CANNOT = ("serial", "operator", "verdict")
 
 
-def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> list[tuple[Job, Outcome]]:
-    """Return the valid first attempts that fit, each with its verdict under other limits, oldest first.
+class LimitsAnswers(NamedTuple):
+    """Each run with its verdict under other limits, and the hash of all that these depend on beside the run."""
 
-    Real units, and those of the virtual bench where there are no others.
+    hash: str
+    outcomes: list[tuple[Job, Outcome]]
+
+
+def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> LimitsAnswers:
+    """Return the valid first attempts that fit, oldest first, each with its verdict under other limits.
+
+    Real units, and those of the virtual bench where there are no others. What the question leaves open, another limit
+    or the rule, is that of the newest run; so it is part of the hash. A run of which is not known by which rule it was
+    judged has an error, where its answer depends on that.
 
     Raises:
         StationError: no run fits, or the metric is none of theirs; AnalysisError: the limits exclude each other.
@@ -40,15 +51,20 @@ def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> list[
         lot = look.one_recipe(lot)
         what = characteristic(look, lot, question.metric, question.branch)
         tried = Tried(question.metric, question.branch, question.minimum, question.maximum, question.guard)
-        _, before, after, _ = rules_of(look, lot, what, tried)
-        check_limits(what.name, after.limit_min, after.limit_max)
-        rows = tried_runs(look, lot, what, after, guard_now=before.guard_factor)
+        rule = rules_of(look, lot, what, tried).after
+        check_limits(what.name, rule.limit_min, rule.limit_max)
+        guard_now = judged_by(look, lot)
+        rows = tried_runs(look, lot, what, rule, guard_now=guard_now)
+        unknown = tried_runs(look, lot, what, rule, guard_now=guard_now, known=False)
         sides = tried_sides(look, what, [one.run for one in rows if one.before != one.after])
-    why = {one.run: (why_by_rule(what, sides[one.run], after, one.after),) for one in rows if one.run in sides}
-    return [
-        (
-            Job(one.run, one.serial, one.sha256, one.before),
-            Outcome(one.run, one.after, why.get(one.run, ()), software=software_key()),
-        )
+    why = {one.run: (why_by_rule(what, sides[one.run], rule, one.after),) for one in rows if one.run in sides}
+    found = [
+        (_job(one), Outcome(one.run, one.after, why.get(one.run, ()), software=software_key()))
         for one in rows
-    ]
+    ]  # fmt: skip
+    found += [(_job(one), Outcome(one.run, error=NOT_KNOWN, software=software_key())) for one in unknown]
+    return LimitsAnswers(question.hash_with((rule, what.meaning)), sorted(found, key=lambda one: one[0].run))
+
+
+def _job(one: TriedRun) -> Job:
+    return Job(one.run, one.serial, one.sha256, one.before)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -78,10 +79,9 @@ class LimitsQuestion(NamedTuple):
             f"{name}={value}" for name, value in named.items() if value is not None
         )
 
-    @property
-    def hash(self) -> str:
-        """Hash of what decides."""
-        return _hash(self._asdict())
+    def hash_with(self, decides: Sequence[Sequence[object]]) -> str:
+        """Return the hash of what decides; decides: what the question leaves open, as the runs have it."""
+        return _hash([self, *decides])
 
 
 def _hash(said: Any) -> str:

@@ -12,7 +12,7 @@ from station.archive.settings import ArchiveSettings
 from station.reevaluation.evaluate_one import Job, Outcome, software_key
 from station.reevaluation.jobs import Wanted, Where, jobs_of
 from station.reevaluation.ledger import LedgerLine, open_ledger
-from station.reevaluation.limits_by_sql import limits_outcomes
+from station.reevaluation.limits_by_sql import LimitsAnswers, limits_outcomes
 from station.reevaluation.on_ray import evaluate_on
 from station.reevaluation.question import LimitsQuestion, Question, ReevaluationError
 from station.reevaluation.workers import Evaluated, evaluate_here
@@ -89,11 +89,16 @@ def ask_of_runs(
         StationError: the runs, the archive or the cluster cannot be reached, or another process asks the same.
 
     """
+    if isinstance(question, LimitsQuestion):
+        if means.cluster is not None or means.from_archive:
+            raise ReevaluationError("--limits reads the stored results only; leave out --cluster and --archive")
+        answers = limits_outcomes(data, question, where)
+        return _ask(data, question.text, answers.hash, lambda _: _answered(answers), told)
 
     def asked(found: Reevaluated) -> tuple[list[Job], Evaluating]:
         return _asked(data, question, where, means, found)
 
-    return _ask(data, question, asked, told)
+    return _ask(data, question.text, question.hash, asked, told)
 
 
 def ask_of_jobs(data: Path, question: Question, wanted: Wanted, workers: int, told: Told) -> Reevaluated:
@@ -103,17 +108,17 @@ def ask_of_jobs(data: Path, question: Question, wanted: Wanted, workers: int, to
         found.failed |= wanted.unreadable
         return wanted.jobs, lambda jobs: evaluate_here(jobs, question, workers, found.count_death)
 
-    return _ask(data, question, asked, told)
+    return _ask(data, question.text, question.hash, asked, told)
 
 
 Asking = Callable[[Reevaluated], "tuple[list[Job], Evaluating]"]
 
 
-def _ask(data: Path, question: Question | LimitsQuestion, asked: Asking, told: Told) -> Reevaluated:
-    """Evaluate the jobs that have no line in the ledger of a question yet."""
+def _ask(data: Path, text: str, question: str, asked: Asking, told: Told) -> Reevaluated:
+    """Evaluate the jobs that have no line in the ledger of a question yet; text: the question, and then its hash."""
     begun = time.monotonic()
-    found = Reevaluated(question.text, question.hash, software_key(), data)
-    with open_ledger(data, question.hash, question.text) as ledger:
+    found = Reevaluated(text, question, software_key(), data)
+    with open_ledger(data, question, text) as ledger:
         found.ledger = ledger.path
         jobs, evaluated = asked(found)
         todo = [job for job in jobs if not ledger.has(job, found.software)]
@@ -148,17 +153,15 @@ def _other_software(outcome: Outcome, software: str) -> str:
 Evaluating = Callable[[list[Job]], Iterator[Evaluated]]
 
 
+def _answered(answers: LimitsAnswers) -> tuple[list[Job], Evaluating]:
+    outcomes = {job.run: outcome for job, outcome in answers.outcomes}
+    return [job for job, _ in answers.outcomes], lambda jobs: ((job, outcomes[job.run]) for job in jobs)
+
+
 def _asked(
-    data: Path, question: Question | LimitsQuestion, where: Where, means: Means, found: Reevaluated
+    data: Path, question: Question, where: Where, means: Means, found: Reevaluated
 ) -> tuple[list[Job], Evaluating]:
     """Return the jobs of a question, and what evaluates those that are left."""
-    if isinstance(question, LimitsQuestion):
-        if means.cluster is not None or means.from_archive:
-            raise ReevaluationError("--limits reads the stored results only; leave out --cluster and --archive")
-        outcomes = limits_outcomes(data, question, where)
-        answers = {job.run: outcome for job, outcome in outcomes}
-        return [job for job, _ in outcomes], lambda jobs: ((job, answers[job.run]) for job in jobs)
-
     far = means.cluster is not None
     if far and means.archive is None:
         raise ReevaluationError(

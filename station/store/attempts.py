@@ -16,6 +16,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
 from station.records.data_folder import MOST as MOST_BEFORE
 from station.records.run_record import NOT_CONCLUDED
+from station.store.plant.hours import judged_as
 from station.store.plant.meanings import meaning_of_metrics
 from station.store.stored_runs import COLUMNS, MOST_NAMED, StoredRun, believed
 from station.store.tables import ATTEMPTS, MEANINGS, METRICS, RUNS
@@ -94,9 +95,8 @@ def _failed(connection: Connection, chain: Chain, runs: list[str], verdict: str 
     for first in range(0, len(runs), MOST_NAMED):
         asked = select(METRICS.c.run, MEANINGS.c.metric).select_from(METRICS)
         asked = asked.join(MEANINGS, meaning_of_metrics()).where(
-            METRICS.c.chain == chain.id, METRICS.c.run.in_(runs[first : first + MOST_NAMED]), METRICS.c.main,
-            METRICS.c.verdict == verdict,
-        )  # fmt: skip
+            METRICS.c.chain == chain.id, METRICS.c.run.in_(runs[first : first + MOST_NAMED]), judged_as(verdict)
+        )
         for run, metric in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
             title = DEFINED[metric].title if metric in DEFINED else metric
             found[run] = (*found.get(run, ()), title.partition(" (")[0])

@@ -23,7 +23,7 @@ from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
-from station.store.plant.hours import COMPLETE, count_hours, hour_of, hours_of
+from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, hour_of, hours_of
 from station.store.plant.meanings import Meaning, number_of, put_meanings
 from station.store.plant.months import make_months
 from station.store.plant.retests import note_retests, serials_of
@@ -293,7 +293,7 @@ def meaning_of(metric: MetricValue) -> Meaning:
 
 
 def _metric_rows(metric: MetricValue) -> list[Row]:
-    """Return a row for each side of a metric, the one that it goes by among them."""
+    """Return a row for each side of a metric with that side's own verdict, the one that it goes by among them."""
     shared: Row = {
         "meaning": number_of(meaning_of(metric)),
         "cycles": metric.cycles,
@@ -305,7 +305,20 @@ def _metric_rows(metric: MetricValue) -> list[Row]:
     sides += [(side, found) for side, found in metric.sides.items() if side != metric.side]
     return [
         shared
-        | {"side": side, "main": found is metric}
-        | {"value": found.value, "uncertainty": found.uncertainty, "verdict": found.verdict}
+        | {"side": side, "main": found is metric, "value": found.value, "uncertainty": found.uncertainty}
+        | {"verdict": _own_verdict(metric) if found is metric else found.verdict}
         for side, found in sides
     ]
+
+
+def _own_verdict(metric: MetricValue) -> str | None:
+    """Return the verdict of the side that a metric goes by, as its record has it.
+
+    It is the metric's own where the sides do not say it: the worst of the rows is the verdict of the metric, always.
+    """
+    own = metric.sides.get(metric.side)
+    said = {side.verdict for side in metric.sides.values()}
+    worst = next((verdict for verdict in (FAIL, UNDECIDED) if verdict in said), None)
+    if own is None or worst is None or worst != metric.verdict:
+        return metric.verdict
+    return own.verdict or metric.verdict

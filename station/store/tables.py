@@ -226,7 +226,10 @@ METRICS = _of_a_chain(
     Index("metrics_meaning", "chain", "meaning", "run", "side", "main", "position", "value"),
     **BY_MONTH,
 )
-"""Every side of every metric, with its limits and expanded uncertainty; `main` is the side that the verdict goes by."""
+"""Every side of every metric, with its limits, its expanded uncertainty and its own verdict.
+
+`main` is the side that the metric goes by. The verdict of a metric is the worst of its sides': see `plant.hours`.
+"""
 
 CHECKS = _of_a_chain(
     "checks",

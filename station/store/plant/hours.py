@@ -26,6 +26,7 @@ from sqlalchemy import (
     literal,
     literal_column,
     select,
+    true,
 )
 
 from station.store.plant.meanings import meaning_of_metrics
@@ -145,7 +146,7 @@ def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
     ended = no_verdict & (RUNS.c.state == COMPLETE)
     failed = CHECKS.c.passed.is_(False)
     named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
-    near = METRICS.c.main & (METRICS.c.verdict == UNDECIDED)
+    near = judged_as(UNDECIDED)
     runs = func.count(RUNS.c.run.distinct())
     for kind, name, table, number, condition in (
         (ALARM, func.coalesce(ALARMS.c.id, "None"), ALARMS, runs, here),
@@ -162,6 +163,17 @@ def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
         counted = asked.group_by(*(literal_column(str(place)) for place in places))
         names = ["chain", "kind", *OF_RUNS, "virtual", "name", "runs"]
         connection.execute(insert(CAUSE_HOURS).from_select(names, counted))
+
+
+def judged_as(verdict: str) -> ColumnElement[bool]:
+    """Return the condition that a row of the metrics is the main one of a metric with this verdict, FAIL or undecided.
+
+    Each row has the verdict of its side; that of the metric is the worst of them.
+    """
+    other = METRICS.alias()
+    together = [other.c[name] == METRICS.c[name] for name in ("chain", "run", "position")]
+    there = {one: select(other.c.side).where(*together, other.c.verdict == one).exists() for one in (FAIL, UNDECIDED)}
+    return METRICS.c.main & there[verdict] & (true() if verdict == FAIL else ~there[FAIL])
 
 
 def _of_the_run(table: Table) -> ColumnElement[bool]:

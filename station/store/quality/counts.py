@@ -20,6 +20,7 @@ from station.store.plant.hours import (
     NO_REVISION,
     UNDECIDED,
     UNNAMED,
+    judged_as,
     whole_hours,
 )
 from station.store.plant.meanings import meaning_of_metrics, meanings_of
@@ -273,7 +274,7 @@ def undecided(production: Production, lot: Lot) -> Counter[str]:
     found += Counter({"measurement invalid": int(production.connection.execute(unnamed).scalar_one())})
     runs = production.chosen(lot, RUNS.c.verdict == UNDECIDED, RUNS.c.valid, said=())
     metrics = select(MEANINGS.c.metric, func.count()).select_from(runs).join(METRICS, _together(runs, METRICS))
-    metrics = metrics.join(MEANINGS, meaning_of_metrics()).where(METRICS.c.main, METRICS.c.verdict == UNDECIDED)
+    metrics = metrics.join(MEANINGS, meaning_of_metrics()).where(judged_as(UNDECIDED))
     near = _pairs(production, metrics, MEANINGS.c.metric)
     return found + Counter({f"{name} too near its limit": number for name, number in near})
 

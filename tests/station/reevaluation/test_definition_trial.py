@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import os
 import time
+from collections.abc import Callable
 from dataclasses import replace
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -36,6 +37,8 @@ from station.web.definition_trials import DefinitionTrials, TrialState
 LOT = Lot(virtual=True)
 LONGEST_S = 180.0
 RECIPE = "rv-40e-121-quick"
+STRICT = 0.3
+"""A limit of the lost motion [arcmin] that no unit keeps by the definition on trial."""
 
 TRIED = {
     "another metric": Tried("lost_motion", definition="backlash_width_zero"),
@@ -51,6 +54,21 @@ TRIED = {
 def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
     copied: Path = request.getfixturevalue(request.param).copy(tmp_path / "runs").parent
     return copied
+
+
+@pytest.fixture
+def two_revisions(quick_run: Any, quarter: Callable[[str], str], tmp_path: Path) -> Path:
+    """A run by the recipe as it is, and a newer one by a revision with a stricter limit and the simple rule."""
+    data: Path = quick_run.copy(tmp_path / "runs").parent
+    content = Path(quarter(RECIPE)).read_bytes()
+    revision = parse_recipe(content, RECIPE).recipe.revision + 1
+    content = changed(content, ("recipe", "revision"), str(revision))
+    content = changed(content, ("metrics", 1, "max"), f"{STRICT} arcmin")
+    file = tmp_path / "stricter.yaml"
+    file.write_bytes(changed(content, ("decision", "rule"), "simple"))
+    here("run", str(file), "--virtual-time", "--unit", "P1:4", "--serial", "SN 2", "--no-report", "--data", str(data))
+    assert len(list(Store(data).runs())) == 2
+    return data
 
 
 @pytest.mark.parametrize("folder", ["quick_run", "worn_run"], indirect=True)
@@ -71,6 +89,23 @@ def test_a_trial_says_what_evaluating_the_run_alone_by_the_draft_says(folder: Pa
         means = {one.side: one.on_trial.mean for one in found.risks if one.on_trial is not None}
         assert means[told.side] == told.sides[told.side].value
     assert (run.folder / MANIFEST).read_bytes() == before, "no stored verdict changes"
+
+
+def test_runs_of_an_older_revision_are_judged_by_the_limit_and_the_rule_of_the_draft(
+    two_revisions: Path, tmp_path: Path
+) -> None:
+    """The limit on trial is that of the newest run already; the older one has another, and another rule."""
+    found = definition_trial(two_revisions, LOT, Tried("lost_motion", limit_max=STRICT, definition="band=4%"))
+    file = tmp_path / "draft.yaml"
+    file.write_bytes(draft_text(two_revisions, found))
+    runs = Store(two_revisions).runs()
+    alone = {run.id: reevaluate(run, str(file), None) for run in runs}
+    before = {run.id: run.manifest().verdict for run in runs}
+    assert {one.verdict for one in alone.values()} == {"FAIL"}
+    assert {(one.run, one.before, one.after) for one in found.flipped} == {
+        (run, before[run], "FAIL") for run in before if before[run] != "FAIL"
+    }
+    assert sum(number for _, after, number in found.verdicts if after == "FAIL") == len(runs)
 
 
 @pytest.mark.parametrize("folder", ["quick_run"], indirect=True)

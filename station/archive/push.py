@@ -21,6 +21,7 @@ from typing import NamedTuple
 
 from station.archive.found_again import FULL, line_of_object, trace_name, traced_run, with_groups
 from station.archive.full_rows import files_in, full_writer, opened, rows_of_run
+from station.archive.identity import claim, still
 from station.archive.place import Place
 from station.archive.settings import ArchiveError
 from station.archive.trace_rows import digest_of, rows_in, trace_writer
@@ -55,6 +56,8 @@ class Pushed:
     lines: list[ArchiveLine] = field(default_factory=list)
     found: list[ArchiveLine] = field(default_factory=list)
     left_out: list[LeftOut] = field(default_factory=list)
+    set_aside: str = ""
+    """Name of the note of the archive before a new one."""
 
     @property
     def runs(self) -> int:
@@ -65,18 +68,21 @@ class Pushed:
 Told = Callable[[ArchiveLine], None]
 
 
-def push(data: Path, place: Place, told: Told = lambda _: None) -> Pushed:
+def push(data: Path, place: Place, told: Told = lambda _: None, *, new: bool = False) -> Pushed:
     """Put every concluded run that is not in the archive there.
 
-    told: hears of each pair of objects when it is noted.
+    told: hears of each pair of objects when it is noted. new: a person says that the place is another archive than
+    before.
 
     Raises:
-        ArchiveError: the archive cannot be used, or another push is on; what was noted stays.
+        ArchiveError: the archive cannot be used, is not the one of this data folder, or another push is on; what was
+            noted stays.
         RecordError: the data folder cannot be read or written.
 
     """
     done = Pushed()
     with only_one(data):
+        claimed, done.set_aside = claim(data, place, new=new)
         chain, note = Chain(data), read_note(data)
         place.remove_incoming(chain.id)
         for left_behind in data.glob(f"{MAKING}*"):
@@ -85,12 +91,15 @@ def push(data: Path, place: Place, told: Told = lambda _: None) -> Pushed:
         for folder, runs in _by_hour(ready).items():
             found = _found_again(data, place, chain, note, folder)
             for line in found:
+                still(data, place, claimed)
                 _note(data, line, done.found, told)
             there = {one.run for line in found for one in line.runs}
             left = [run for run in runs if run not in there]
             for begin in range(0, len(left), place.settings.runs_per_object):
                 several = [RunRecord(data / run) for run in left[begin : begin + place.settings.runs_per_object]]
-                _note(data, _written(data, place, chain, folder, several), done.lines, told)
+                line = _written(data, place, chain, folder, several)
+                still(data, place, claimed)
+                _note(data, line, done.lines, told)
     return done
 
 

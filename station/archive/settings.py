@@ -9,6 +9,7 @@ secret_from: LOSTMOTION_ARCHIVE_SECRET
 from __future__ import annotations
 
 import ipaddress
+import os
 import re
 from pathlib import Path
 from typing import Annotated
@@ -38,7 +39,8 @@ class ArchiveSettings(BaseModel):
 
     `url`: s3://BUCKET/FOLDER, or the path of a folder. `endpoint`, `region`: of an S3 service. `key_from`,
     `secret_from`, `token_from`: names of environment variables; without them the service's own ways count (a role, the
-    files of its client). `runs_per_object`: most runs in one object.
+    files of its client). `mount_point`: a folder is not used while nothing is mounted there. `runs_per_object`: most
+    runs in one object.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -49,6 +51,7 @@ class ArchiveSettings(BaseModel):
     key_from: str | None = None
     secret_from: str | None = None
     token_from: str | None = None
+    mount_point: Annotated[str | None, Field(min_length=2, max_length=4096, pattern="^/[^\0]*$")] = None
     runs_per_object: Annotated[int, Field(ge=1, le=500)] = 60
 
     @property
@@ -117,6 +120,21 @@ class ArchiveSettings(BaseModel):
                 "Remove the entry.",
                 at=there[0],
             )
+        if self.mount_point is not None:
+            if self.scheme == S3:
+                raise refusal(
+                    "mount_point with a url that begins with s3://",
+                    "only with a url that is a folder",
+                    "Remove the entry.",
+                    at="mount_point",
+                )
+            if not Path(os.path.normpath(self.root)).is_relative_to(os.path.normpath(self.mount_point)):
+                raise refusal(
+                    f"mount_point {self.mount_point}, and the url {self.url} is not inside it",
+                    "the folder where the network drive is mounted",
+                    "Name that folder, or delete mount_point.",
+                    at="mount_point",
+                )
         if (self.key_from is None) != (self.secret_from is None):
             raise refusal("one of key_from and secret_from", "both or none", "Add the other one.", at="key_from")
         return self

@@ -11,6 +11,14 @@ from station.documents.manifest import Large, Moment, Name, Period
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ArchiveId:
+    """The marker of an archive, by which it is known: an id of its own, and when it was made."""
+
+    id: Name
+    made: Moment
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ArchiveObject:
     """An object of the archive: its name below the archive's URL, SHA-256 and size of its bytes."""
 

@@ -113,7 +113,8 @@ class Courier:
         subscription = self._subscription(item.subscription)
         if subscription is None:
             return
-        event = event_of(kept, self.space.event_type.nodeid, self.space.results.nodeid, "ResultManagement")
+        now = await asyncio.to_thread(self._outbox.as_now, kept)
+        event = event_of(now, self.space.event_type.nodeid, self.space.results.nodeid, "ResultManagement")
         event.emitting_node = item.node
         if item.client:
             item.sent[kept.number] = time.monotonic()

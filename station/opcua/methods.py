@@ -10,7 +10,7 @@ from asyncua import Server, ua
 from station.errors import StationError
 from station.opcua.access import CALLER, tell
 from station.opcua.address_space import AddressSpace
-from station.opcua.outbox import Kept, Outbox, ResultMeta
+from station.opcua.outbox import BEFORE_ALL, Kept, Outbox, ResultMeta
 from station.opcua.result_data import chosen_by, meta_of, result_of
 
 MOST_IDS = 1000
@@ -59,8 +59,9 @@ class ResultMethods:
         if kept is None:
             empty = ua.ResultDataType()
             return [_handle(0), ua.Variant(empty, ua.VariantType.ExtensionObject), _code(none)]
+        kept = await asyncio.to_thread(self._outbox.as_now, kept)
         try:
-            content = await asyncio.to_thread(self._outbox.content, kept.meta)
+            content = None if kept.meta.altered else await asyncio.to_thread(self._outbox.content, kept.meta)
         except OSError as error:
             tell(f"{kept.meta.run}: its result cannot be read: {error.strerror}")
             content = None
@@ -86,7 +87,7 @@ class ResultMethods:
 
     def _chosen(self, where: Any) -> list[ResultMeta]:
         metas: list[ResultMeta] = []
-        number = 0
+        number = BEFORE_ALL
         while rows := self._outbox.after(number, PAGE):
             number = rows[-1].number
             metas += chosen_by(self._server.iserver.aspace, where, [row.meta for row in rows])

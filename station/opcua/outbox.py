@@ -34,6 +34,7 @@ from sqlalchemy import (
 from station.documents.result import Result
 from station.errors import StationError
 from station.opcua.settings import FILE, Client
+from station.records.chain.chain_file import Chain
 from station.records.chain.entries import Fields
 from station.records.run_record import RESULT, RunRecord
 from station.results.sealed_runs import chain_end, result_of, sealed_since
@@ -50,7 +51,7 @@ RESULTS = Table(
     Column("meta", Text, nullable=False),
     UniqueConstraint("run", "sha256"),
 )  # fmt: skip
-"""Every sealed run since the server was set up, in the order of the chain."""
+"""Every sealed run since the server was set up, in the order of the chain; with numbers below 1 those before it."""
 
 CLIENTS = Table(
     "opcua_clients", METADATA,
@@ -72,6 +73,9 @@ READ = Table(
     "opcua_read", METADATA, Column("number", Integer, primary_key=True), Column("offset", Integer, nullable=False)
 )
 """One row: up to which byte the chain of runs was put into the outbox."""
+
+
+BEFORE_ALL = -(1 << 62)
 
 
 @dataclass(frozen=True)
@@ -129,9 +133,12 @@ class Outbox:
         """Know these clients from now on. One that is no longer named goes on being owed, until it is forgotten."""
         with self._database.writing() as connection:
             if connection.execute(select(READ.c.offset)).first() is None:
-                first = any(client.from_first for client in clients)
-                connection.execute(insert(READ).values(number=1, offset=0 if first else chain_end(self._data)))
+                all_of_them = bool(clients) and all(client.from_first for client in clients)
+                connection.execute(insert(READ).values(number=1, offset=0 if all_of_them else chain_end(self._data)))
             known = set(connection.execute(select(CLIENTS.c.name)).scalars())
+        if any(client.from_first and client.name not in known for client in clients):
+            self._keep_earlier()
+        with self._database.writing() as connection:
             for client in clients:
                 if client.name in known:
                     continue
@@ -139,6 +146,20 @@ class Outbox:
                 if client.from_first:
                     every = select(literal(client.name), RESULTS.c.number)
                     connection.execute(insert(OWED).from_select(["client", "number"], every))
+
+    def _keep_earlier(self) -> None:
+        """Keep the results from before the server was set up, with numbers below those that there are."""
+        with self._database.reading() as connection:
+            offset = connection.execute(select(READ.c.offset)).scalar() or 0
+            known = set(connection.execute(select(RESULTS.c.run, RESULTS.c.sha256)).tuples())
+            lowest = connection.execute(select(func.min(RESULTS.c.number))).scalar()
+        sealed, _ = sealed_since(self._data, 0, offset)
+        missing = {(one["run"], one["sha256"]): one for one in sealed if (one["run"], one["sha256"]) not in known}
+        rows = [_row(self._meta(fields)) for fields in missing.values()]
+        first = (1 if lowest is None else lowest) - len(rows)
+        with self._database.writing() as connection:
+            for number, row in enumerate(rows, first):
+                connection.execute(insert(RESULTS).values(number=number, **row))
 
     def collect(self) -> int:
         """Keep each run that was sealed since the last look, and owe it to each client; return how many.
@@ -164,8 +185,7 @@ class Outbox:
 
     @staticmethod
     def _keep(connection: Connection, meta: ResultMeta) -> None:
-        content = json.dumps(vars(meta), ensure_ascii=False)
-        row = connection.execute(insert(RESULTS).values(run=meta.run, sha256=meta.sha256, meta=content))
+        row = connection.execute(insert(RESULTS).values(**_row(meta)))
         (number,) = row.inserted_primary_key or (0,)
         owed = select(CLIENTS.c.name, literal(number))
         connection.execute(insert(OWED).from_select(["client", "number"], owed))
@@ -176,7 +196,7 @@ class Outbox:
         try:
             manifest = RunRecord(self._data / fields["run"]).manifest()
         except StationError as error:
-            altered = altered or (str(error),)
+            altered = () if self._removed(fields["run"]) else altered or (str(error),)
         meta = ResultMeta(
             run=fields["run"], serial=fields["serial"], attempt=fields["attempt"], state=fields["state"],
             verdict=fields["verdict"], sha256=fields["sha256"], sealed_at=fields["time"], reasons=_reasons(result),
@@ -194,13 +214,25 @@ class Outbox:
             simulated=manifest.bench.embedded or manifest.unit.virtual is not None,
         )
 
+    def _removed(self, run: str) -> bool:
+        """Whether the record of a run was removed by a rule of the plant, which a signed line says."""
+        return not (self._data / run).exists() and run in Chain(self._data).removed()
+
+    def as_now(self, kept: Kept) -> Kept:
+        """Return a result with what is altered of its record now, whatever was found when it was kept."""
+        altered, result = result_of(self._data, kept.meta.run, samples=True)
+        if altered and self._removed(kept.meta.run):
+            return kept
+        reasons = kept.meta.reasons if result is None else _reasons(result)
+        return kept._replace(meta=replace(kept.meta, altered=tuple(altered), reasons=reasons))
+
     def owed(self, client: str, most: int) -> list[Kept]:
         """Return the oldest results that a client has not acknowledged."""
         chosen = select(RESULTS).join(OWED, OWED.c.number == RESULTS.c.number).where(OWED.c.client == client)
         return self._rows(chosen.order_by(RESULTS.c.number).limit(most))
 
     def after(self, number: int, most: int) -> list[Kept]:
-        """Return the results behind a number, oldest first."""
+        """Return the results behind a number, oldest first; `BEFORE_ALL` is before every one."""
         return self._rows(select(RESULTS).where(RESULTS.c.number > number).order_by(RESULTS.c.number).limit(most))
 
     def latest(self) -> Kept | None:
@@ -256,6 +288,10 @@ class Outbox:
                 known = ", ".join(connection.execute(select(CLIENTS.c.name)).scalars()) or "none"
                 raise StationError(f"there is no OPC UA client {client[:40]!r}. Known clients: {known} ({FILE})")
         return owed
+
+
+def _row(meta: ResultMeta) -> dict[str, str]:
+    return {"run": meta.run, "sha256": meta.sha256, "meta": json.dumps(vars(meta), ensure_ascii=False)}
 
 
 def _reasons(result: Result | None) -> tuple[str, ...]:

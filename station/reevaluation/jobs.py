@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import select
 
 from station.archive.ask import ask
+from station.archive.identity import recognise
 from station.archive.place import Place
 from station.archive.settings import ArchiveSettings
 from station.documents.manifest import MANIFEST, VERDICTS
@@ -173,7 +174,9 @@ def _of_archive(data: Path, where: Where, note: Note, archive: ArchiveSettings |
     chain, found = Chain(data), Wanted([], {})
     chain.index()
     keys = trust_of(chain).keys
-    for (run,) in ask(Place(archive), sql, MOST_RUNS).rows:
+    place = Place(archive)
+    recognise(data, place)
+    for (run,) in ask(place, sql, MOST_RUNS).rows:
         address = note.runs.get(run)
         if address is None:
             continue  # of another data folder

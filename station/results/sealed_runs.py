@@ -19,14 +19,16 @@ def chain_end(data: Path) -> int:
     return _content(data, 0).rfind(b"\n") + 1
 
 
-def sealed_since(data: Path, offset: int) -> tuple[list[Fields], int]:
+def sealed_since(data: Path, offset: int, until: int | None = None) -> tuple[list[Fields], int]:
     """Return the entries that seal a run behind a place in the chain, and the place from which to read on.
+
+    until: a place behind which nothing is read, in bytes; None for the end.
 
     Raises:
         StationError: the chain cannot be read, or is shorter than it was.
 
     """
-    content = _content(data, offset)
+    content = _content(data, offset)[: None if until is None else until - offset]
     end = content.rfind(b"\n") + 1
     entries: Iterator[Fields] = map(json.loads, content[:end].splitlines())
     try:
@@ -38,12 +40,12 @@ def sealed_since(data: Path, offset: int) -> tuple[list[Fields], int]:
         ) from None
 
 
-def result_of(data: Path, name: str) -> tuple[Sequence[str], Result | None]:
-    """Return what was altered of a sealed run, and its result where nothing was."""
+def result_of(data: Path, name: str, *, samples: bool = False) -> tuple[Sequence[str], Result | None]:
+    """Return what was altered of a sealed run, and its result where nothing was. samples: not by their size alone."""
     run = RunRecord(data / name)
     try:
         # twice: the first look may fall into the moment in which the sealed run.json gets its name
-        altered = alterations(run, samples=False) and alterations(run, samples=False)
+        altered = alterations(run, samples=samples) and alterations(run, samples=samples)
         return altered, run.read(Result, RESULT) if run.has(RESULT) and not altered else None
     except StationError as error:
         return (str(error),), None

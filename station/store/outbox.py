@@ -107,17 +107,19 @@ class _ReadSoFar:
         return self._left
 
 
-def put_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
-    """Put single runs into the store anew: their folders have changed, or were there before the chain."""
+def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples: bool = False) -> None:
+    """Put single runs into the store anew: their folders have changed, or were there before the chain.
+
+    samples: compare every byte of the samples, and not their size alone.
+    """
     if len(runs) > FEW:
         chain.index()
     names = sorted(runs)
     for begin in range(0, len(names), BATCH):
         with database.writing() as connection:
             folders = [RunRecord(chain.data / name) for name in names[begin : begin + BATCH]]
-            put_rows(
-                connection, chain.id, {run.id: rows_of(run, chain) if run.has(MANIFEST) else {} for run in folders}
-            )
+            rows = {run.id: rows_of(run, chain, samples=samples) if run.has(MANIFEST) else {} for run in folders}
+            put_rows(connection, chain.id, rows)
 
 
 def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:

@@ -64,6 +64,17 @@ def store_place(data: Path) -> StorePlace:
     return StorePlace(f"{SQLITE}{own}", f"{data}: {why}, so its store is {own}")
 
 
+def store_is_there(data: Path) -> bool:
+    """Whether a data folder has a store: a file that is there, or a database that was named.
+
+    Raises:
+        StationError: the URL that was named cannot be used.
+
+    """
+    url = store_place(data).url
+    return not url.startswith(SQLITE) or Path(url.removeprefix(SQLITE)).is_file()
+
+
 def network_type(path: Path, mounts: Path = MOUNTS) -> str:
     """Return the type of the network mount that a path lies on; '' for a local disk, or where nobody says it."""
     try:

@@ -44,8 +44,11 @@ NOT_ONES_OWN = (tables.RECIPES, tables.BENCHES, tables.UNITS)
 """Tables whose rows several runs share, besides MEANINGS."""
 
 
-def rows_of(run: RunRecord, chain: Chain) -> Rows:
-    """Return the rows of a run; of one that is damaged, altered or not concluded, what can be told for sure."""
+def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
+    """Return the rows of a run; of one that is damaged, altered or not concluded, what can be told for sure.
+
+    samples: compare every byte of the samples, and not their size alone.
+    """
     entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
     created = next((entry for entry in entries if entry.kind == CREATED), None)
     sealed = next((entry for entry in entries if entry.kind == SEALED), None)
@@ -54,7 +57,7 @@ def rows_of(run: RunRecord, chain: Chain) -> Rows:
     try:
         manifest = run.manifest()
         concluded = sealed is not None or is_sealed(manifest)
-        altered = alterations(run, samples=False, chain=chain, trusted=frozenset(signers))
+        altered = alterations(run, samples=samples, chain=chain, trusted=frozenset(signers))
         if sealed is not None and not is_sealed(manifest):
             altered = altered or (f"{MANIFEST}: is still being written. Look again in a moment",)
         result = run.read(Result, RESULT) if concluded and not altered else None

@@ -13,7 +13,7 @@ from station.documents.entries import plain
 from station.errors import StationError
 from station.quality.dfq.write import Written, dfq_of_run
 from station.records.data_folder import Store
-from station.records.seal import EXIT_ALTERED, alteration_lines
+from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.reports.export_of_run import export_run
 from station.results.export import FORMATS, LOCALES
 from station.store.quality.lot import production
@@ -25,6 +25,8 @@ DFQ = "dfq"
 
 def export(name: str, data: Path, file_format: str, out: Path | None, *, locale: str = "en", as_json: bool) -> int:
     """Export a run; return 0, or 3 for an altered record, which the file and the command both say.
+
+    AQDEF has no place where a file could say it: of an altered record none is written.
 
     Raises:
         StationError: there is no such run or format, the run has no records, they are damaged, or the file cannot be
@@ -43,6 +45,9 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
         path = path / f"{run.id}.{file_format}"
     refuse_records(path)
     if file_format == DFQ:
+        altered = alterations(run)
+        if altered:
+            return _refused(path, altered, as_json=as_json)
         with production(run.folder.parent) as look:
             return write_dfq(path, dfq_of_run(look, run.id, program_name()), as_json=as_json)
     with writing(path):
@@ -53,6 +58,15 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
         told = f"{path}: {found.scans} scans, {found.columns} columns, {found.bytes} bytes"
         sys.stdout.write("\n".join([*alteration_lines(found.altered), told]) + "\n")
     return EXIT_ALTERED if found.altered else 0
+
+
+def _refused(path: Path, altered: tuple[str, ...], *, as_json: bool) -> int:
+    """Tell that an altered record is in no file, as a file of this format cannot say that it is one; return 3."""
+    why = f"{path}: was not written: an AQDEF file has no place to say that a record was altered. See 'lostmotion show'"
+    if as_json:
+        sys.stdout.write(json.dumps({"file": None, "format": DFQ, "altered": altered}) + "\n")
+    sys.stderr.write("\n".join([*alteration_lines(altered), why]) + "\n")
+    return EXIT_ALTERED
 
 
 def program_name() -> str:

@@ -16,11 +16,16 @@ from station.own_place import own_place
 from station.records.certificate_code import GENUINE, attempts_of, check_code
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
-from station.records.verify import Verified, verify_folder
+from station.records.verify import NAMED_ONCE, Verified, verify_folder
 from station.run.jog.jogs import FOLDER as JOGS
 from station.run.way_back.recoveries import FOLDER as RECOVERIES
+from station.store.quality.verified import tell_store
+from station.store.view import warn
 
 EXIT_PROBLEMS = 1
+NOT_AS_SEALED = NAMED_ONCE | {"altered", "damaged"}
+"""Kinds of problem by which a record is not the one that was sealed."""
+
 MOST_OF_A_KIND = 20
 """Problems of one kind that are printed; JSON has all."""
 
@@ -38,6 +43,7 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
     below = {name: data / name for name in (RECOVERIES, JOGS) if (data / name).is_dir()}
     folders = [data, *below.values()]
     found = {folder: verify_folder(folder, named, samples=samples) for folder in folders}
+    _tell_store(data, found[data], samples=samples)
     if as_json:
         checked = {name: _checked(folder, found[folder]) for name, folder in below.items()}
         whole = replace(_checked(data, found[data]), recoveries=checked.get(RECOVERIES), jogs=checked.get(JOGS))
@@ -46,6 +52,15 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
         for folder, one in found.items():
             sys.stdout.writelines(f"{line}\n" for line in _lines(folder, one))
     return EXIT_PROBLEMS if any(one.problems for one in found.values()) else 0
+
+
+def _tell_store(data: Path, found: Verified, *, samples: bool) -> None:
+    """Let the store know which records are altered; a store that cannot be used is told, and changes nothing here."""
+    altered = {one.run for one in found.problems if one.kind in NOT_AS_SEALED}
+    try:
+        tell_store(data, altered, samples=samples)
+    except StationError as error:
+        warn(f"{error}. What was found is not in the store: 'capability' and 'quality' may count altered runs")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

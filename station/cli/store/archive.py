@@ -11,6 +11,7 @@ from pathlib import Path
 from station.archive.ask import ask
 from station.archive.check import KINDS, verify_archive
 from station.archive.fetch import fetch
+from station.archive.identity import archive_of
 from station.archive.place import Place
 from station.archive.push import push, waiting
 from station.archive.settings import ArchiveSettings, load_settings
@@ -28,8 +29,10 @@ EXIT_PROBLEMS = 1
 MOST_SHOWN = 20
 
 
-def push_runs(data: Path, *, as_json: bool) -> int:
+def push_runs(data: Path, *, new: bool, as_json: bool) -> int:
     """Put every concluded run that is not in the archive there; return 0, or 1 where some were left out.
+
+    new: a person says that archive.yaml names another archive than before.
 
     Raises:
         StationError, RecipeError: no settings, or the archive cannot be used; what was noted stays.
@@ -44,7 +47,7 @@ def push_runs(data: Path, *, as_json: bool) -> int:
             sys.stdout.flush()
 
     try:
-        done = push(data, place, told)
+        done = push(data, place, told, new=new)
     finally:
         _into_store(data)
     document = {
@@ -53,8 +56,11 @@ def push_runs(data: Path, *, as_json: bool) -> int:
         "objects": [*done.lines, *done.found],
         "found_again": len(done.found),
         "left_out": done.left_out,
+        "note_set_aside": done.set_aside,
     }
     blocks: list[str | Grid] = [f"left out: {one.run}: {one.why}" for one in done.left_out]
+    if done.set_aside:
+        blocks.append(f"new archive: what was in the one before is kept in {data / done.set_aside}, and counts no more")
     blocks.append(f"{place.settings.url}: runs archived now {done.runs}, left out {len(done.left_out)}")
     say(document, blocks, as_json=as_json)
     return EXIT_PROBLEMS if done.left_out else 0
@@ -74,7 +80,7 @@ def _into_store(data: Path) -> None:
 
 @dataclass(frozen=True)
 class ArchiveState:
-    """What is known of an archive without reading it; waiting: runs of the data folder that are not there."""
+    """What is known of an archive without reading its runs; waiting: runs of the data folder that are not there."""
 
     url: str
     runs: int
@@ -89,10 +95,10 @@ def status(data: Path, *, as_json: bool) -> int:
     """Print what is archived and what waits, by the note of the data folder; return 0.
 
     Raises:
-        StationError, RecipeError: no settings.
+        StationError, RecipeError: no settings, or the archive is not there or not the one of this data folder.
 
     """
-    settings, note = load_settings(data), read_note(data)
+    settings, note = archive_of(data).settings, read_note(data)
     found = _state(data, settings, note)
     _into_store(data)
     to_push = " (next: 'lostmotion archive push')" if found.waiting else ""
@@ -131,7 +137,7 @@ def verify(data: Path, *, as_json: bool) -> int:
         StationError, RecipeError: no settings, or the archive cannot be used.
 
     """
-    place = Place(load_settings(data))
+    place = archive_of(data)
     found = verify_archive(data, place)
     _into_store(data)
     there = f"{counted(found.runs, 'run')} in {counted(found.objects, 'object')}"
@@ -156,7 +162,7 @@ def fetch_run(data: Path, name: str, *, as_json: bool) -> int:
         StationError, RecipeError: no settings, no such run, or its copy is not as it was sealed.
 
     """
-    run = fetch(data, Place(load_settings(data)), name)
+    run = fetch(data, archive_of(data), name)
     return say(
         {"run": run.id, "record": str(run.folder)}, [f"{run.id}: is in {data} again, unchanged"], as_json=as_json
     )
@@ -169,7 +175,7 @@ def ask_archive(data: Path, sql: str, most: int, *, as_csv: bool, as_json: bool)
         StationError, RecipeError: no settings, or the question cannot be answered.
 
     """
-    found = ask(Place(load_settings(data)), sql, most)
+    found = ask(archive_of(data), sql, most)
     if as_csv:
         writer = csv.writer(sys.stdout, lineterminator="\n")
         writer.writerow(found.columns)

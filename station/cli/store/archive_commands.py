@@ -17,16 +17,23 @@ archive_app = typer.Typer(
 
 
 @archive_app.command()
-def push(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
+def push(
+    new: Annotated[
+        bool,
+        typer.Option("--new-archive", help="archive.yaml names a new archive. Copy every run into it."),
+    ] = False,
+    data: DataOption = DEFAULT_DATA,
+    as_json: JsonOption = False,
+) -> None:
     """Copy every concluded run that is not in the archive into it. Exit code: 0, 1 some were left out, 2 bad input."""
     from station.cli.store import archive as command_archive
 
-    raise typer.Exit(command_archive.push_runs(data, as_json=as_json))
+    raise typer.Exit(command_archive.push_runs(data, new=new, as_json=as_json))
 
 
 @archive_app.command()
 def status(data: DataOption = DEFAULT_DATA, as_json: JsonOption = False) -> None:
-    """Print how many runs are archived, waiting, or only in the archive. The archive itself is not read."""
+    """Print how many runs are archived, waiting, or only in the archive. Of the archive only its id is read."""
     from station.cli.store import archive as command_archive
 
     raise typer.Exit(command_archive.status(data, as_json=as_json))

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 
 from station.archive.fetch import why_not_archived
-from station.archive.place import Place
-from station.archive.settings import load_settings
+from station.archive.identity import archive_of
 from station.counted import counted
 from station.documents.entries import plain
 from station.errors import StationError
@@ -59,7 +58,7 @@ def apply_retention(data: Path, rules: Path | None, backup: Path | None, operato
             "--backup is missing: a rule needs a copy of each run in a backup. Name the backup file, or write kept_in: "
             "archive into the rule"
         )
-    place = Place(load_settings(data)) if ARCHIVE in asked else None
+    place = archive_of(data) if ARCHIVE in asked else None
 
     def told(one: Planned) -> None:
         if not as_json:

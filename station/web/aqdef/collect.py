@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from sqlalchemy import Connection, insert, select, update
 
 from station.records.chain.entries import Fields
+from station.records.run_record import RunRecord
 from station.reports.headline import virtual_badges
 from station.results.sealed_runs import result_of
 from station.wall_clock import WALL_CLOCK
@@ -83,7 +84,10 @@ def collect(database: StationDatabase, data: Path, settings: AqdefSettings) -> i
 
 
 def _counted(data: Path, fields: Fields, settings: AqdefSettings) -> _Sealed | None:
-    """Return a run that is to be written; None for one that came to no end, a master part or injected faults."""
+    """Return a run that is to be written; None for one that came to no end or is no production.
+
+    Which is that of a master part, with injected faults, or of a guided study.
+    """
     if fields["state"] != "complete":
         return None
     moment = datetime.fromisoformat(fields["time"])
@@ -91,7 +95,7 @@ def _counted(data: Path, fields: Fields, settings: AqdefSettings) -> _Sealed | N
     if result is None:
         return _Sealed(fields["run"], moment, None, altered[0] if altered else "it has no result")
     unit, bench = result.unit, "" if result.bench is None else result.bench.name
-    if result.scenario is not None or unit is None or unit.master is not None:
+    if result.scenario is not None or unit is None or unit.master is not None or _of_study(data, fields["run"]):
         return None
     virtual = bool(virtual_badges(result))
     if virtual and not settings.virtual:
@@ -100,6 +104,10 @@ def _counted(data: Path, fields: Fields, settings: AqdefSettings) -> _Sealed | N
     return _Sealed(
         fields["run"], moment, Part(bench, virtual, unit.model, recipe.name, recipe.revision, recipe.sha256)
     )  # fmt: skip
+
+
+def _of_study(data: Path, run: str) -> bool:
+    return RunRecord(data / run).manifest().study is not None
 
 
 def _is_new(connection: Connection, run: str) -> bool:
@@ -118,7 +126,12 @@ def _is_over(row: Any, settings: AqdefSettings, now: datetime) -> bool:
     if row.per == HOUR:
         end = datetime.fromisoformat(f"{row.hour}:00:00+00:00") + timedelta(hours=1, seconds=BEHIND_THE_HOUR_S)
         return now >= end
-    return bool(now.timestamp() >= row.last_s + 3600.0 * settings.lot_silence_h)
+    return _silent(row, settings, now)
+
+
+def _silent(row: Any, settings: AqdefSettings, until: datetime) -> bool:
+    """Say whether nothing came for a lot for as long as ends it: up to now, or to the run that came next."""
+    return bool(until.timestamp() >= row.last_s + 3600.0 * settings.lot_silence_h)
 
 
 def _put(connection: Connection, one: _Sealed, settings: AqdefSettings) -> None:
@@ -127,7 +140,7 @@ def _put(connection: Connection, one: _Sealed, settings: AqdefSettings) -> None:
         return
     part = json.dumps(one.part, ensure_ascii=False)
     hour = f"{one.sealed:%Y-%m-%dT%H}" if settings.per == HOUR else ""
-    number, units = _file_for(connection, one.part, part, hour, settings)
+    number, units = _file_for(connection, one, part, hour, settings)
     told = {"units": units + 1, "last_s": one.sealed.timestamp()}
     if number is None:
         made = insert(AQDEF_FILES).values(per=settings.per, part=part, hour=hour, stage=OPEN, **told)
@@ -140,17 +153,23 @@ def _put(connection: Connection, one: _Sealed, settings: AqdefSettings) -> None:
 
 
 def _file_for(
-    connection: Connection, own: Part, part: str, hour: str, settings: AqdefSettings
+    connection: Connection, one: _Sealed, part: str, hour: str, settings: AqdefSettings
 ) -> tuple[int | None, int]:
     """Return number and units of the open file for a run, None where there is none; end the lot that it ends."""
     for row in _open_files(connection):
         if row.per != settings.per:
             continue
-        if (row.part, row.hour) == (part, hour):
+        same = (row.part, row.hour) == (part, hour)
+        # By the times of the runs: several are read at once where nobody has looked during the silence.
+        if same and not (settings.per == LOT and _silent(row, settings, one.sealed)):
             return row.number, row.units
-        if settings.per == LOT and Part(*json.loads(row.part))[:2] == own[:2]:
+        if settings.per == LOT and (same or _on_one_bench(row, one)):
             _end(connection, row.number)
     return None, 0
+
+
+def _on_one_bench(row: Any, one: _Sealed) -> bool:
+    return one.part is not None and Part(*json.loads(row.part))[:2] == one.part[:2]
 
 
 def _end(connection: Connection, number: int) -> None:

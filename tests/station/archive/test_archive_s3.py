@@ -58,7 +58,7 @@ def test_a_bucket_takes_runs_gives_them_back_and_answers(
         ask(place, "SELECT * FROM runs", 9)
     assert push(data, place).runs == 2
     keys = [one.key for one in bucket.objects.all() if not one.key.endswith("/")]
-    assert sorted(key.split("/")[1] for key in keys) == ["full", "full", "trace"]
+    assert sorted(key.split("/")[1] for key in keys) == ["archive-id.json", "full", "full", "trace"]
     assert not [key for key in keys if "incoming" in key]
     assert not verify_archive(data, place).problems
     assert ask(place, "SELECT serial FROM runs ORDER BY 1", 9).rows == (("R",), ("U1",))
@@ -87,3 +87,24 @@ def test_an_archive_that_is_not_there_is_told_and_nothing_is_noted(
         with pytest.raises(ArchiveError, match=r"Check (network, address and credentials|the url in archive.yaml)"):
             push(data, place)
     assert not read_note(data).runs
+
+
+def test_a_bucket_that_is_not_the_one_before_is_refused(
+    golden_run: Any, endpoint: str, bucket: Any, tmp_path: Path
+) -> None:
+    data = golden_run.copy(tmp_path / "runs").parent
+    (data / "archive.yaml").write_text(settings_text(endpoint).replace("/eol", "/second"), encoding="utf-8")
+    place = Place(load_settings(data))
+    assert push(data, place).runs == 1
+    assert push(data, place).runs == 0
+    marker = bucket.Object("second/archive-id.json").get()["Body"].read()
+    assert marker == (data / "archive-id.json").read_bytes()
+    bucket.Object("second/archive-id.json").delete()
+    with pytest.raises(ArchiveError, match=r"it has no archive-id.json; expected is the id [0-9a-f]{32}"):
+        push(data, place)
+    (data / "archive.yaml").write_text(settings_text(endpoint).replace("/eol", "/third"), encoding="utf-8")
+    third = Place(load_settings(data))
+    with pytest.raises(ArchiveError, match="is not the archive of"):
+        push(data, third)
+    assert push(data, third, new=True).runs == 1
+    assert not verify_archive(data, third).problems

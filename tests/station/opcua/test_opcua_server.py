@@ -165,6 +165,15 @@ def test_results_by_id_the_newest_and_those_that_a_filter_chooses(plant: Plant) 
             content, seal = (json.loads(one.Value) for one in result.ResultContent)
             assert content == json.loads((plant.data / bad / "result.json").read_text())
             assert (seal["run"], seal["altered"], len(seal["sha256"])) == (bad, [], 64)
+            file = plant.data / bad / "result.json"
+            sealed = file.read_bytes()
+            file.write_text("{}")
+            for method, asked in (("GetResultById", [ua.Variant(bad)]), ("GetLatestResult", [])):
+                _, result, error = await call(client, method, *asked, no_time)
+                meta = result.ResultMetaData
+                assert (error, int(meta.ResultEvaluation), len(result.ResultContent)) == (0, 0, 1)
+                assert "result.json: was changed after" in meta.ResultEvaluationDetails.Text
+            file.write_bytes(sealed)
             _, _, error = await call(client, "GetResultById", ua.Variant("no such run"), no_time)
             assert error < 0
             chosen = ua.ContentFilter(
@@ -206,10 +215,16 @@ def test_each_result_comes_to_each_client_once_through_disconnects_and_a_kill(pl
             assert heard.runs == before, "what was sealed before it came, in this order"
             assert heard.events[0].Message.Text == "SN-1: PASS"
             assert len(heard.events[0].RunSha256) == 64
+        file = plant.data / before[0] / "result.json"
+        sealed = file.read_bytes()
+        file.write_text("{}")
         async with plant.session() as client:
             heard = await listen(client)
             await heard.wait_for(len(before))
             assert heard.runs == before, "it was not acknowledged: it comes again"
+            assert heard.events[0].Message.Text == "SN-1: record altered"
+            assert int(heard.events[0].Result.ResultMetaData.ResultEvaluation) == 0
+            file.write_bytes(sealed)
             assert (await acknowledge(client, [*before, "no such run"]))[1] < 0
             assert await acknowledge(client, before) == [[], 0], "to acknowledge twice is no error"
             new = plant.seal("SN-LIVE")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 import socket
 from dataclasses import replace
 from pathlib import Path
@@ -26,11 +27,13 @@ from station.errors import StationError
 from station.opcua import result_data
 from station.opcua.bench_view import STATE_OF_RUN, BenchView
 from station.opcua.certificates import checked_certificate, make_certificate
-from station.opcua.outbox import Outbox
+from station.opcua.outbox import BEFORE_ALL, Outbox
 from station.opcua.projection import PROJECTION, ItemState, OperationMode, PackMl, UnitMode, projected
 from station.opcua.server import _held
 from station.opcua.settings import Client, load_opcua
 from station.opcua.values import UNITS, VALUES, unit_information, values_of
+from station.records.chain.chain_file import writing_to
+from station.records.chain.entries import REMOVED
 from station.records.samples.scan_record import pack
 from station.web.people.database import StationDatabase
 from station.web.running import ENDED, READY, RUNNING, Now
@@ -145,6 +148,65 @@ def test_what_an_outbox_owes_is_owed_until_it_is_acknowledged(tmp_path: Path) ->
     assert again.forget("first") == 2
     with pytest.raises(StationError, match="Known clients: late"):
         again.forget("first")
+    database.close()
+
+
+def test_a_client_that_is_added_later_is_owed_what_was_there_before_it_in_its_order(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    early = [store_run(data, serial, [metric(0.5)]).id for serial in ("SN-0", "SN-1")]
+    database = StationDatabase(data)
+    outbox = Outbox(database, data)
+    plain, every = Client(name="plain", user="a"), Client(name="every", user="b", from_first=True)
+    outbox.set_up([plain])
+    since = store_run(data, "SN-2", [metric(0.5)]).id
+    assert outbox.collect() == 1
+    unread = store_run(data, "SN-3", [metric(0.5)]).id
+    outbox.set_up([plain, every])
+    outbox.set_up([plain, every, Client(name="third", user="c", from_first=True)])
+    assert outbox.collect() == 1
+    for name, owed in (("plain", [since, unread]), ("every", [*early, since, unread])):
+        assert [one.meta.run for one in outbox.owed(name, 9)] == owed
+    assert outbox.owed("third", 9) == outbox.owed("every", 9)
+    newest = outbox.latest()
+    assert newest is not None
+    assert newest.meta.run == unread
+    assert [one.meta.run for one in outbox.after(BEFORE_ALL, 9)] == [*early, since, unread]
+    database.close()
+
+
+def test_of_clients_that_are_known_from_the_first_start_those_alone_get_all_that_ask_for_it(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    early = store_run(data, "SN-0", [metric(0.5)]).id
+    database = StationDatabase(data)
+    outbox = Outbox(database, data)
+    outbox.set_up([Client(name="plain", user="a"), Client(name="every", user="b", from_first=True)])
+    outbox.collect()
+    assert outbox.owed("plain", 9) == []
+    assert [one.meta.run for one in outbox.owed("every", 9)] == [early]
+    database.close()
+
+
+def test_a_record_that_was_altered_after_it_was_collected_is_told_as_altered(tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    run = store_run(data, "SN-0", [metric(0.5)])
+    database = StationDatabase(data)
+    outbox = Outbox(database, data)
+    outbox.set_up([Client(name="every", user="b", from_first=True)])
+    outbox.collect()
+    (kept,) = outbox.owed("every", 9)
+    assert outbox.as_now(kept) == kept
+    before = (run.folder / "result.json").read_bytes()
+    (run.folder / "result.json").write_bytes(before + b" ")
+    now = outbox.as_now(kept).meta
+    assert "result.json: was changed" in now.altered[0]
+    (run.folder / "result.json").write_bytes(before)
+    assert outbox.as_now(kept) == kept
+    shutil.move(run.folder, tmp_path / "away")
+    assert outbox.as_now(kept).meta.altered, "it is gone, and no line says why"
+    with writing_to(data) as chain:
+        chain.append(REMOVED, run=run.id, serial="SN-0", sha256=kept.meta.sha256, rule="r", person="p", trace="")
+    assert outbox.as_now(kept) == kept
+    assert outbox.content(kept.meta) is None
     database.close()
 
 

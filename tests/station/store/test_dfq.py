@@ -162,6 +162,24 @@ def test_a_run_that_lacks_a_metric_is_in_the_file_of_those_that_have_it(tmp_path
     assert [row.values[2].value for row in rows] == [115.0, None, 115.0]
 
 
+@pytest.mark.parametrize("looked", [False, True])
+def test_an_altered_record_is_refused_as_a_file_cannot_say_that_it_is_one(tmp_path: Path, *, looked: bool) -> None:
+    data, out = tmp_path / "runs", tmp_path / "one.dfq"
+    run = store_run(data, "SN", [metric(0.4)])
+    words = ("export", run.id, "--data", str(data), "--format", "dfq", "--out", str(out))
+    assert here(*words).exit_code == 0
+    out.unlink()
+    result = (run.folder / "result.json").read_text(encoding="utf-8")
+    (run.folder / "result.json").write_text(result.replace("0.4", "0.3"), encoding="utf-8")
+    if looked:
+        here("capability", "--data", str(data))  # the store knows it since
+    told = here(*words)
+    assert (told.exit_code, out.exists()) == (3, False), told
+    for text in ("RECORD ALTERED", "record altered: result.json: was changed", "was not written"):
+        assert text in told.err
+    assert here(*words, "--json").json["file"] is None
+
+
 @pytest.mark.parametrize(
     ("serial", "said"), [("S" * 41, "K0014: 41 characters; at most 40"), ("Ω-1", "the sign 'Ω' cannot be written")]
 )

@@ -17,6 +17,7 @@ from stored_runs import metric, store_run
 
 from recipes import RecipeError
 from station.atomic_file import write_new
+from station.documents.manifest import StudyPlace
 from station.errors import StationError
 from station.quality.dfq.check import checked_dfq
 from station.wall_clock import WALL_CLOCK
@@ -81,6 +82,8 @@ def test_each_unit_has_a_file_that_another_program_reads(station: Station, share
     store_run(plant.data, "VIRTUAL", [metric(0.4)], virtual="nominal")
     store_run(plant.data, "FAULTS", [metric(0.4)], scenario="s")
     store_run(plant.data, "STOPPED", [], state="stopped")
+    study = StudyPlace(name="gauge", plan="0" * 64, step=1, steps=9)
+    store_run(plant.data, "STUDY", [metric(0.4)], study=study)
     assert pass_of(plant) == 2
     assert pass_of(plant) == 0
     assert serials(share) == [["SN-1"], ["SN-2"]]
@@ -125,6 +128,24 @@ def test_a_lot_ends_with_another_recipe_by_its_number_and_by_silence(station: St
     WALL_CLOCK.step(HOUR_S)
     assert pass_of(plant) == 1
     assert serials(share)[-1] == ["SN-3"]
+
+
+@pytest.mark.usefixtures("stepped")
+@pytest.mark.parametrize("looks", [True, False])
+def test_a_silence_between_two_runs_ends_a_lot_whether_or_not_anybody_looked_then(
+    station: Station, share: Path, *, looks: bool
+) -> None:
+    plant = set_up(station, share, "lot", "lot_silence_h: 0.1\n")
+    gaps_s = (0.0, 300.0, 400.0, 200.0, 1000.0)
+    for number, gap_s in enumerate(gaps_s):
+        WALL_CLOCK.step(gap_s)
+        if looks and gap_s:
+            pass_of(plant)
+        store_run(plant.data, f"L-{number}", [metric(0.4)])
+    WALL_CLOCK.step(HOUR_S)
+    pass_of(plant)
+    assert serials(share) == [["L-0", "L-1"], ["L-2", "L-3"], ["L-4"]]
+    assert stand(plant) == Waiting(0, 0, "", 0, "")
 
 
 @pytest.mark.usefixtures("stepped")

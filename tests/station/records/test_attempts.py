@@ -1,0 +1,70 @@
+"""The attempts of a serial number come from the signed chain: no damaged, altered or lost record makes a unit new."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import pytest
+from station_samples import SETUP
+
+from station.documents.manifest import EarlierAttempt
+from station.records.attempts import MOST
+from station.records.data_folder import Store
+from station.records.seal import seal
+
+
+def measured(data: Path, verdict: str, serial: str = "SN-1") -> Path:
+    run = Store(data).create(serial, SETUP, {})
+    seal(run, state="complete", verdict=verdict)
+    return run.folder
+
+
+def damaged(run: Path) -> None:
+    (run / "run.json").write_bytes(b"{")
+
+
+def altered(run: Path) -> None:
+    content = (run / "run.json").read_bytes()
+    (run / "run.json").write_bytes(content.replace(b'"FAIL"', b'"PASS"').replace(b'"SN-1"', b'"SN-2"'))
+
+
+@pytest.mark.parametrize("harm", [damaged, altered, shutil.rmtree, lambda run: (run / "run.json").unlink()])
+def test_an_attempt_counts_whatever_became_of_its_record(tmp_path: Path, harm) -> None:
+    first = measured(tmp_path, "FAIL")
+    harm(first)
+    before = (EarlierAttempt(attempt=1, run=first.name, state="complete", verdict="FAIL"),)
+    assert Store(tmp_path).attempts_of("SN-1") == before
+    second = Store(tmp_path).create("SN-1", SETUP, {}).manifest()
+    assert (second.attempt, second.before) == (2, before)
+    assert Store(tmp_path).attempts_of("SN-2") == ()
+
+
+def test_an_attempt_that_was_begun_and_lost_counts_without_a_verdict(tmp_path: Path) -> None:
+    first = Store(tmp_path).create("SN-1", SETUP, {})
+    (recording,) = Store(tmp_path).attempts_of("SN-1")
+    assert recording.state == "recording"
+    shutil.rmtree(first.folder)
+    (lost,) = Store(tmp_path).attempts_of("SN-1")
+    assert (lost.attempt, lost.run, lost.state, lost.verdict) == (1, first.id, "interrupted", None)
+
+
+def test_the_newest_attempts_are_told_also_where_a_line_that_nobody_signed_stands_behind_them(tmp_path: Path) -> None:
+    runs = [measured(tmp_path, "FAIL").name for _ in range(MOST + 2)]
+    measured(tmp_path, "PASS", "SN-10")
+    chain = tmp_path / "chain.jsonl"
+    last = [line for line in chain.read_bytes().splitlines(keepends=True) if runs[-1].encode() in line][-1]
+    with chain.open("ab") as file:
+        file.write(last.replace(b'"FAIL"', b'"PASS"'))
+    told = Store(tmp_path).attempts_of("SN-1")
+    assert [one.run for one in told] == runs[-MOST:]
+    assert [one.attempt for one in told] == list(range(3, MOST + 3))
+    assert {one.verdict for one in told} == {"FAIL"}
+
+
+def test_a_record_that_no_chain_knows_counts_by_what_it_says(tmp_path: Path) -> None:
+    measured(tmp_path / "there", "FAIL")
+    (run,) = (one for one in (tmp_path / "there").iterdir() if one.is_dir() and one.name.endswith("SN-1"))
+    shutil.copytree(run, tmp_path / "here" / run.name)
+    (told,) = Store(tmp_path / "here").attempts_of("SN-1")
+    assert (told.attempt, told.verdict) == (1, "FAIL")

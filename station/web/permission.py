@@ -280,7 +280,9 @@ def _bench_recovered(one: Situation) -> str | None:
     if one.last is None or one.job is None or one.job.bench.bench.embedded:
         return None
     named = "" if one.model is None or one.model.bench is None else f" --bench {one.model.bench}"
-    to_do = f"A technician recovers the bench on the page Maintenance, or with 'lostmotion recover{named}'."
+    # The page looks at the bench of the newest run alone.
+    there = "" if one.newest is not None and one.newest.id != one.last.id else "on the page Maintenance, or "
+    to_do = f"A technician recovers the bench {there}with 'lostmotion recover{named}'."
     try:
         return why_not_free(one.data, one.last, to_do) or None
     except StationError as error:

@@ -19,7 +19,7 @@ FIRST_BYTES = 1 << 18
 
 TIMES_LARGER = 16
 BLOCK_BYTES = 1 << 22
-_BENCH = re.compile(rb',"bench":"([0-9a-f]{64})"')
+_BENCH = re.compile(rb',"bench":"([^"]*)"')
 
 
 class ChainEnd:
@@ -66,7 +66,7 @@ class ChainEnd:
 
     def _read(self) -> None:
         content = tail(self._chain.path, self._size)
-        self._whole = not content or self._size >= self._chain.path.stat().st_size
+        self._whole = not self._chain.there or self._size >= self._chain.path.stat().st_size
         self._by_run, self._oldest = {}, ""
         for line in content.split(b"\n")[:-1]:
             entry = entry_of(line)

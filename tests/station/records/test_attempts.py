@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -10,7 +11,9 @@ from station_samples import SETUP
 
 from station.documents.manifest import EarlierAttempt
 from station.records.attempts import MOST
-from station.records.data_folder import Store
+from station.records.chain import lookup
+from station.records.chain.lookup import ChainEnd
+from station.records.data_folder import WORTH_KEEPING, Store
 from station.records.seal import seal
 
 
@@ -68,3 +71,31 @@ def test_a_record_that_no_chain_knows_counts_by_what_it_says(tmp_path: Path) -> 
     shutil.copytree(run, tmp_path / "here" / run.name)
     (told,) = Store(tmp_path / "here").attempts_of("SN-1")
     assert (told.attempt, told.verdict) == (1, "FAIL")
+
+
+@pytest.mark.parametrize("size", [1, 100, 5000])
+def test_lines_are_found_wherever_the_blocks_of_a_reader_end(tmp_path: Path, monkeypatch, size: int) -> None:
+    runs = [measured(tmp_path, "FAIL", f"SN-{number}").name for number in range(6)]
+    monkeypatch.setattr(lookup, "BLOCK_BYTES", size)
+    monkeypatch.setattr(lookup, "FIRST_BYTES", size)
+    assert [one.run for one in Store(tmp_path).attempts_of("SN-3")] == [runs[3]]
+    assert list(lookup.last_begun_on_each_bench(tmp_path).values()) == [runs[5]]
+    assert len(lookup.entries_of_run(tmp_path, runs[0])) == 2
+    end = ChainEnd(tmp_path)
+    assert [end.sealed(run) is not None for run in reversed(runs)] == [True] * 6
+    assert end.created("20200101T000000.000Z-SN") is None
+    with (tmp_path / "chain.jsonl").open("ab") as file:
+        file.write(b'{"kind":"created"')
+    assert [one.run for one in Store(tmp_path).attempts_of("SN-5")] == [runs[5]], "a torn line is none"
+
+
+def test_a_kept_listing_of_a_large_folder_is_dropped_when_a_run_comes(tmp_path: Path) -> None:
+    for number in range(WORTH_KEEPING):
+        (tmp_path / f"20200101T000000.{number:04}Z-x").mkdir()
+    os.utime(tmp_path, (1e9, 1e9))
+    assert Store(tmp_path).newest(1) == []
+    assert Store(tmp_path).newest(1) == []
+    run = measured(tmp_path, "PASS")
+    assert [one.id for one in Store(tmp_path).newest(1)] == [run.name]
+    shutil.rmtree(run)
+    assert Store(tmp_path).newest(1) == []

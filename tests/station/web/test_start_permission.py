@@ -32,6 +32,7 @@ from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web.bad_units import LOOKED_AT, Bad, bad_unit_of, may_be_bad, unconfirmed
 from station.web.labels.outbox import PRINTED, Awaited
+from station.web.languages import words_of
 from station.web.mes.previous_step import PreviousStep
 from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
@@ -214,6 +215,18 @@ def test_a_bench_left_wound_up_is_not_free_by_the_runs_of_another_bench(tmp_path
     assert last_run_of(tmp_path, job_of("bench-4", "e" * 64)) is None
     ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
     assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+
+
+def test_the_page_is_named_for_a_recovery_only_where_it_offers_one(good: Situation) -> None:
+    bench = good.model.model_copy(update={"bench": "b.yaml"})
+    one = dataclasses.replace(good, model=bench, job=on_a_cable(good.job), last=newest("fault"))
+    for ran_last, page in (
+        (newest("fault"), True),
+        (SimpleNamespace(**vars(newest("complete")) | {"id": "R2"}), False),
+    ):
+        ((_, why),) = refusals(dataclasses.replace(one, newest=ran_last))
+        assert ("Maintenance" in why, "recover --bench b.yaml'" in why) == (page, True)
+        assert words_of("de")(why) != why
 
 
 def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:

@@ -9,20 +9,21 @@ from __future__ import annotations
 import os
 import re
 import shutil
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from itertools import islice
 from pathlib import Path
 
-from station.atomic_file import sync_folder
+from station.atomic_file import seen_text, sync_folder
 from station.documents.entries import plain
 from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
-from station.documents.result import Result
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
+from station.records.attempts import earlier_attempts
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
 from station.records.process_birth import process_birth
-from station.records.run_record import MANIFEST, RECORDING, RESULT, RunRecord
+from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
 from station.wall_clock import WALL_CLOCK, now_text
 
@@ -34,6 +35,15 @@ LONGEST_NOTE = 400
 
 FURTHEST_AHEAD = timedelta(days=3660)
 """A folder named by a later moment than this from now was not named by a clock: new ids do not come after it."""
+
+WORTH_KEEPING = 1000
+"""Names in a folder; fewer are listed faster than anybody notices."""
+
+SETTLED = timedelta(seconds=2)
+"""After this time without a change, a later change of a folder has another time."""
+
+_LISTED: dict[Path, tuple[str, list[str]]] = {}
+"""The names in the folder that was listed last, and what was seen of the folder then."""
 
 
 def check_serial(serial: str) -> str:
@@ -121,7 +131,7 @@ class Store:
             with writing_to(self.data) as chain:
                 names = self._names()
                 attempt = self._next_attempt(serial, names, chain.chain)
-                before = earlier_attempts(self._named_by(serial, names), serial) if setup.recovery_of is None else ()
+                before = () if setup.recovery_of is not None else self._attempts(serial, names)
                 record = self._new_folder(serial, [chain.newest_run, *names])
                 if own:
                     record.lock.take()
@@ -183,20 +193,35 @@ class Store:
             return RunRecord(folder)
 
     def _names(self) -> list[str]:
-        """Names of the folders that may be runs: by them runs are found without a look into each."""
+        """Names of the folders that may be runs: by them runs are found without a look into each.
+
+        With 200 000 runs a listing takes a good part of a second, so it is kept for as long as the folder is as it was.
+        """
         try:
+            found = self.data.stat()
+            seen, kept = seen_text(found), _LISTED.get(self.data)
+            if kept is not None and kept[0] == seen:
+                return kept[1]
             with os.scandir(self.data) as there:
-                return sorted(entry.name for entry in there)
+                names = sorted(entry.name for entry in there)
         except OSError:
             return []
+        # Of a folder that changed just now, the next change may have the same time.
+        if len(names) > WORTH_KEEPING and WALL_CLOCK.now() - datetime.fromtimestamp(found.st_mtime, UTC) > SETTLED:
+            _LISTED.clear()
+            _LISTED[self.data] = seen, names
+        return names
 
     def of_serial(self, serial: str) -> list[RunRecord]:
         """Return the runs of a serial number, oldest first; damaged ones are left out."""
         return [run for run in self._named_by(serial, self._names()) if run.serial() == serial]
 
     def attempts_of(self, serial: str) -> tuple[EarlierAttempt, ...]:
-        """Return what became of a serial number so far: its newest attempts, oldest first."""
-        return earlier_attempts(self._named_by(serial, self._names()), serial)
+        """Return what became of a serial number so far: its newest attempts, oldest first, also lost ones."""
+        return self._attempts(serial, self._names())
+
+    def _attempts(self, serial: str, names: list[str]) -> tuple[EarlierAttempt, ...]:
+        return earlier_attempts(self.data, self._named_by(serial, names), serial)
 
     def named_by(self, serial: str) -> list[RunRecord]:
         """Return the folders that are named after a serial number, oldest first, without a look into each."""
@@ -230,12 +255,13 @@ class Store:
         return [RunRecord(path.parent) for path in sorted(self.data.glob(f"*/{MANIFEST}"))]
 
     def newest(self, count: int) -> list[RunRecord]:
-        """Return the runs in the newest folders, oldest first; the others are not touched."""
-        return [
-            run
-            for name in [one for one in self._names() if "Z-" in one][-count:]
-            if (run := RunRecord(self.data / name)).has(MANIFEST)
-        ]
+        """Return the newest runs, oldest first; folders that are no run are passed over, older ones are not touched."""
+        return list(islice(self.newest_first(), count))[::-1]
+
+    def newest_first(self) -> Iterator[RunRecord]:
+        """Yield the runs from the newest on, each when it is asked for."""
+        named = (RunRecord(self.data / name) for name in reversed(self._names()) if "Z-" in name)
+        return (run for run in named if run.has(MANIFEST))
 
     def by_id(self, run: str) -> RunRecord | None:
         """Return the run whose id this is, letter by letter; None where there is none."""
@@ -285,38 +311,3 @@ class Store:
 
     def _is_run(self, name: str) -> bool:
         return (self.data / name / MANIFEST).is_file()
-
-
-MOST = 5
-"""The newest are told: a master part is measured every day for years."""
-
-
-def earlier_attempts(runs: Sequence[RunRecord], serial: str) -> tuple[EarlierAttempt, ...]:
-    """Return the newest of these runs that are of a serial number, oldest first; damaged ones are left out."""
-    found: list[EarlierAttempt] = []
-    for run in reversed(runs):
-        try:
-            manifest = run.manifest()
-        except StationError:
-            continue
-        if manifest.serial == serial and manifest.recovery_of is None:
-            one = EarlierAttempt(
-                attempt=manifest.attempt,
-                run=run.id,
-                state=manifest.state,
-                verdict=manifest.verdict,
-                failed=_failed(run),
-            )
-            found.append(one)
-        if len(found) == MOST:
-            break
-    return tuple(reversed(found))
-
-
-def _failed(run: RunRecord) -> tuple[str, ...]:
-    """Return the metrics that failed, by their titles without what stands in brackets."""
-    try:
-        metrics = run.read(Result, RESULT).metrics if run.has(RESULT) else ()
-    except StationError:
-        return ()
-    return tuple((one.title or one.id).partition(" (")[0] for one in metrics if one.verdict == "FAIL")

@@ -12,9 +12,9 @@ from sqlalchemy import Connection, and_, or_, select
 
 from definitions.metrics import METRICS as DEFINED
 from station.documents.manifest import EarlierAttempt, attempt_text
+from station.records.attempts import MOST as MOST_BEFORE
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
-from station.records.data_folder import MOST as MOST_BEFORE
 from station.records.run_record import NOT_CONCLUDED
 from station.store.plant.hours import judged_as
 from station.store.plant.meanings import meaning_of_metrics

@@ -21,11 +21,12 @@ from station.records.data_folder import Store
 from station.records.master_parts import master_parts
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision, RevisionError
-from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
+from station.records.run_record import RunRecord
 from station.run.disk_space import refuse_full_disk
 from station.run.jog.jogs import jog_is_on
-from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
+from station.run.way_back.last_run import last_run_of, why_not_free
 from station.wall_clock import WALL_CLOCK
+from station.web.bad_units import Bad, bad_unit_of
 from station.web.mes.previous_step import FAILED, PASSED, PreviousStep
 from station.web.models import Model, Models
 
@@ -56,6 +57,7 @@ class Situation:
     release: the released revision that the recipe is, letter by letter; None where its text is not released.
     previous_step: what the MES says of the unit; None where the plant has set up no MES.
     label: which label is not on its unit yet, in words; '' where none is awaited.
+    newest: run of the folder; last: the newest run on the unit's own bench, whatever other benches did since.
     study: why it is not the next step of the study that is asked for, in words; '' where it is, or none is asked for.
     """
 
@@ -68,13 +70,13 @@ class Situation:
     busy: bool
     before: tuple[EarlierAttempt, ...]
     newest: RunRecord | None
-    unconfirmed: str
+    bad: Bad | None
     previous_step: PreviousStep | None = None
     scanner_tested: bool = True
     jogging: bool = False
     label: str = ""
     study: str = ""
-    bad_serial: str = ""
+    last: RunRecord | None = None
 
     @property
     def is_master_part(self) -> bool:
@@ -126,12 +128,12 @@ def situation_of(
     store = Store(data)
     before = store.attempts_of(wanted.serial)
     newest = next(reversed(store.newest(1)), None)
-    bad = unconfirmed(data, confirmed)
-    bad_serial = RunRecord(data / bad).serial() if bad else None
+    bad = bad_unit_of(data, confirmed)
     study = "" if not wanted.study or job is None else _why_not_next(data, wanted, job)
     return Situation(
         data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
-        jogging=jog_is_on(data), label=label, study=study, bad_serial=bad_serial or "",
+        jogging=jog_is_on(data), label=label, study=study,
+        last=None if job is None or job.bench.bench.embedded else last_run_of(data, job),
     )  # fmt: skip
 
 
@@ -171,24 +173,6 @@ def refusals(situation: Situation, bypassed: Collection[str] = ()) -> list[tuple
     counting = [one for one in CONDITIONS if not (one.may_be_bypassed and one.id in bypassed)]
     found = ((one.id, one.why_not(situation)) for one in counting)
     return [(name, why) for name, why in found if why is not None]
-
-
-def unconfirmed(data: Path, confirmed: frozenset[str]) -> str:
-    """Return the newest run where its unit may be bad and nobody has put it away, '' otherwise."""
-    newest = next(reversed(Store(data).newest(1)), None)
-    return newest.id if newest is not None and newest.id not in confirmed and may_be_bad(newest) else ""
-
-
-def may_be_bad(run: RunRecord) -> bool:
-    """Say whether the unit of a run failed; a run that cannot be read may have failed too. A bad master part should.
-
-    A unit of a study is measured again: it is the study's, and no unit of the production that goes into a box.
-    """
-    try:
-        manifest = run.manifest()
-    except StationError:
-        return True
-    return manifest.verdict == "FAIL" and manifest.unit.master != "FAIL" and manifest.study is None
 
 
 def _bench_free(one: Situation) -> str | None:
@@ -256,14 +240,7 @@ def _recipe_released(one: Situation) -> str | None:
 
 
 def _bad_unit_put_away(one: Situation) -> str | None:
-    if not one.unconfirmed:
-        return None
-    if one.bad_serial:
-        return f"Unit {one.bad_serial} is bad. Put it into the NOK box and confirm that."
-    return (
-        f"The record of run {one.unconfirmed} cannot be read, so its unit may be bad. Put it into the NOK box and "
-        "confirm that."
-    )
+    return None if one.bad is None else one.bad.text
 
 
 def _label_read(one: Situation) -> str | None:
@@ -300,21 +277,16 @@ def _told(before: tuple[EarlierAttempt, ...]) -> str:
 
 
 def _bench_recovered(one: Situation) -> str | None:
+    if one.last is None or one.job is None or one.job.bench.bench.embedded:
+        return None
+    named = "" if one.model is None or one.model.bench is None else f" --bench {one.model.bench}"
+    # The page looks at the bench of the newest run alone.
+    there = "" if one.newest is not None and one.newest.id != one.last.id else "on the page Maintenance, or "
+    to_do = f"A technician recovers the bench {there}with 'lostmotion recover{named}'."
     try:
-        if one.newest is None or one.job is None or one.job.bench.bench.embedded:
-            return None
-        state, name = one.newest.state(), one.newest.id
-        way_back = newest_recovery(one.data, one.newest)
-        if way_back is not None and is_under_way(way_back):
-            return "The recovery after a fault is in progress. Wait until the unit is unloaded and the lock is open."
-        if state not in ("fault", INTERRUPTED, NOT_CONCLUDED) or was_recovered(one.data, one.newest):
-            return None
+        return why_not_free(one.data, one.last, to_do) or None
     except StationError as error:
-        return f"The newest run, or the recovery after it, cannot be read: {error}"
-    return (
-        f"Run {name} ended with '{state}'. A technician recovers the bench on the page Maintenance, "
-        "or with 'lostmotion recover'."
-    )
+        return f"The recovery after the last run of this bench cannot be read: {error}"
 
 
 def _master_parts(one: Situation) -> str | None:
@@ -368,7 +340,7 @@ CONDITIONS: tuple[Condition, ...] = (
     ),
     Condition("recipe_in_order", "recipe and bench of the model are valid", _recipe_in_order),
     Condition("recipe_released", "a second person has released this text of the recipe", _recipe_released),
-    Condition("bad_unit_put_away", "the last bad unit is in the NOK box", _bad_unit_put_away),
+    Condition("bad_unit_put_away", "each bad unit is in the NOK box", _bad_unit_put_away),
     Condition("label_read", "the label of the last unit was read back on it", _label_read, may_be_bypassed=True),
     Condition("study_step", "the unit and the operator are those of the study's next step", _study_step),
     Condition(

@@ -208,9 +208,9 @@ class ChainWriter:
     @property
     def newest_run(self) -> str:
         """The run that was created last, as far as the end of the file tells it."""
-        tail = Chain(self._data)
-        tail.take(_tail(self.path))
-        return max(tail.runs(), default="")
+        last = Chain(self._data)
+        last.take(tail(self.path))
+        return max(last.runs(), default="")
 
     def append(self, kind: str, **fields: Any) -> Entry:
         """Add one entry and flush it to the disk; return it.
@@ -321,7 +321,7 @@ def _text_of(token: bytes) -> str | None:
     return text if isinstance(text, str) else None
 
 
-def _tail(path: Path, size: int = TAIL_BYTES) -> bytes:
+def tail(path: Path, size: int = TAIL_BYTES) -> bytes:
     """Return the whole lines at the end of a file; nothing where there is none."""
     try:
         with open_file(path) as file:
@@ -337,7 +337,7 @@ def _tail(path: Path, size: int = TAIL_BYTES) -> bytes:
 
 def _last_entry(path: Path) -> Entry | None:
     for size in (TAIL_BYTES, 1 << 62):
-        for line in reversed(_tail(path, size).split(b"\n")[:-1]):
+        for line in reversed(tail(path, size).split(b"\n")[:-1]):
             entry = entry_of(line)
             if entry is not None:
                 return entry

@@ -22,12 +22,10 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.program_file import PROGRAM
 from station.records.run_record import RunRecord
-from station.run.way_back.recoveries import recoveries, was_recovered
+from station.run.way_back.last_run import last_run_of, why_not_free
+from station.run.way_back.recoveries import NEWEST_LOOKED_AT, recoveries
 
 FOLDER = "jogs"
-
-NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
-"""How a run may end so that the bench has to be recovered before anything turns."""
 
 
 @dataclass(frozen=True)
@@ -123,17 +121,16 @@ def why_no_jog(data: Path, job: Job) -> str:
     """Return why no jog may begin now, with what to do; '' where one may."""
     if jog_is_on(data):
         return "A jog is in progress. End it first."
-    run = next(reversed(Store(data).newest(1)), None)
-    if run is not None and _is_on(run):
+    if any(_is_on(run) for run in Store(data).newest(NEWEST_LOOKED_AT)):
         return "A run is in progress. Wait for its end."
-    recovery = next(reversed(recoveries(data).newest(1)), None)
-    if recovery is not None and _is_on(recovery):
+    if any(_is_on(one) for one in recoveries(data).newest(NEWEST_LOOKED_AT)):
         return "The recovery after a fault is in progress. Wait for its end."
     if job.bench.bench.embedded:
         return ""  # its virtual bench ended with the run before
-    if run is not None and run.state() in NEEDS_WAY_BACK and not was_recovered(data, run):
-        return f"Run {run.id} ended with '{run.state()}'. Recover the bench first: the unit may be wound up."
-    return ""  # a jog leaves the lock open, however it ends, so nothing is wound up behind it
+    run = last_run_of(data, job)
+    # A jog leaves the lock open, however it ends, so nothing is wound up behind it.
+    to_do = "Recover the bench first: the unit may be wound up."
+    return "" if run is None else why_not_free(data, run, to_do)
 
 
 def _is_on(record: RunRecord) -> bool:

@@ -6,8 +6,6 @@ from typing import NamedTuple
 
 from sqlalchemy import Connection, insert, select
 
-from station.records.data_folder import Store
-from station.records.run_record import RunRecord
 from station.wall_clock import now_text
 from station.web.actions.labels import awaited_label
 from station.web.actions.row import Call, NotNowError
@@ -24,11 +22,12 @@ from station.web.actions.values import (
     Start,
     UnitAnnounced,
 )
+from station.web.bad_units import may_be_bad, unconfirmed
 from station.web.bypasses import bypasses_now
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.people.accounts import MES
 from station.web.people.database import CONFIRMED
-from station.web.permission import Situation, Wanted, may_be_bad, refusals, situation_of, unconfirmed, unverified_note
+from station.web.permission import Situation, Wanted, refusals, situation_of, unverified_note
 from station.web.running import STARTING
 from station.web.scanner import serial_of
 from station.web.scanner_test import is_tested, keep_test, misread
@@ -110,7 +109,7 @@ class BadUnit(NamedTuple):
 
 def bad_unit(station: Station, run: str) -> BadUnit | None:
     """Return whether the bad unit of a run that has ended is put away; None where its unit is not bad."""
-    if not may_be_bad(RunRecord(station.data / run)):
+    if not may_be_bad(station.data, run):
         return None
     with station.database.reading() as connection:
         found = connection.execute(select(CONFIRMED.c.name, CONFIRMED.c.at).where(CONFIRMED.c.run == run)).first()
@@ -128,8 +127,7 @@ def stop_run(call: Call, _given: Nothing) -> Outcome:
 
 def confirm(call: Call, given: Confirm) -> RunConfirmed:
     """Keep that a bad unit was put away; NotNowError: there is no such run."""
-    run = Store(call.station.data).by_id(given.run)
-    if run is None or not may_be_bad(run):
+    if not may_be_bad(call.station.data, given.run):
         raise NotNowError([("run", f"There is no run {given.run[:80]!r} of a bad unit.")])
     there = select(CONFIRMED.c.run).where(CONFIRMED.c.run == given.run)
     if call.connection.execute(there).first() is None:

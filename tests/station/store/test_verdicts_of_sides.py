@@ -108,7 +108,7 @@ def test_what_a_run_did_not_pass_is_told_by_the_worst_side(data: Path) -> None:
 def test_aqdef_marks_the_value_that_fails_and_not_the_one_that_passes(tmp_path: Path) -> None:
     store_run(tmp_path, "SN", [of_sides("PASS", "FAIL")], failed="lost_motion")
     with production(tmp_path) as look:
-        line = dfq_of_lot(look, Lot(), "a test").content.decode("latin-1").splitlines()[-2]
+        line = dfq_of_lot(look, Lot(), "a test").files[0].content.decode("latin-1").splitlines()[-2]
     plus, minus = (entry.split("\x14")[-1].split(",") for entry in line.split("\x0f"))
     assert ("4" in plus, "4" in minus) == (False, True)
 

@@ -20,21 +20,26 @@ from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
 from station.documents.entries import plain
 from station.documents.events import LeftState
-from station.documents.manifest import EarlierAttempt
+from station.documents.manifest import BenchSource, EarlierAttempt, Setup
 from station.documents.result import Result
+from station.records.chain.chain_file import CREATED_MANIFEST
 from station.records.data_folder import Store
 from station.records.revisions.writing import save_draft
 from station.records.run_record import RESULT
+from station.records.seal import CONCLUDED, seal
+from station.run.way_back.last_run import last_run_of, why_not_free
 from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
-from station.web import permission
+from station.web.bad_units import LOOKED_AT, Bad, bad_unit_of, may_be_bad, unconfirmed
 from station.web.labels.outbox import PRINTED, Awaited
+from station.web.languages import words_of
 from station.web.mes.previous_step import PreviousStep
 from station.web.models import Model, load_models
 from station.web.permission import CONDITIONS, Situation, Wanted, refusals, situation_of
 from station.web.scanner import GS, ScanError, serial_of
 
 STUDY_STEP = "study g, step 1 of 8: found unit SN-1; unit SN-2 is next. Put that unit on the bench."
+SN_9 = Bad("R1", "Unit SN-9 is bad. Put it into the NOK box and confirm that.")
 FAILED_BEFORE = PreviousStep("failed", away=False, silent_s=1.0, may_be_unverified=True)
 
 
@@ -77,12 +82,12 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "previous_step_passed": dataclasses.replace(good, previous_step=FAILED_BEFORE),
         "recipe_in_order": dataclasses.replace(good, job=None, why_no_job="it is not there"),
         "recipe_released": dataclasses.replace(good, release=None),
-        "bad_unit_put_away": dataclasses.replace(good, unconfirmed="R1", bad_serial="SN-9"),
+        "bad_unit_put_away": dataclasses.replace(good, bad=SN_9),
         "label_read": dataclasses.replace(good, label=str(Awaited("R0", "SN-0", PRINTED))),
         "study_step": dataclasses.replace(good, study=STUDY_STEP),
         "attempts_left": dataclasses.replace(good, before=(run(1, "FAIL"), run(2, "FAIL"))),
         "retest_reason": dataclasses.replace(good, before=(run(1, "FAIL"),)),
-        "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), newest=newest("fault")),
+        "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), last=newest("fault")),
         "master_parts": dataclasses.replace(good, job=with_master_parts(good.job)),
         "room_on_disk": dataclasses.replace(good, data=full),
         "clock_plausible": dataclasses.replace(good, newest=newest("complete", later)),
@@ -107,20 +112,23 @@ def test_a_code_that_was_read_twice_in_one_is_no_unit(good: Situation) -> None:
     assert refusals(dataclasses.replace(good, wanted=Wanted("1111"))) == [], "half of it would be none of this model"
 
 
-def test_a_bad_unit_is_named_by_its_serial_number_and_an_unreadable_record_by_its_run(good: Situation) -> None:
-    ((_, bad),) = refusals(dataclasses.replace(good, unconfirmed="R1", bad_serial="SN-9"))
-    ((_, unreadable),) = refusals(dataclasses.replace(good, unconfirmed="R1"))
-    assert ("SN-9" in bad, "R1" in bad) == (True, False)
-    assert ("R1" in unreadable, "cannot be read" in unreadable) == (True, True)
+def test_a_bad_unit_is_named_by_its_serial_number_and_an_unreadable_record_by_its_run_too(tmp_path: Path) -> None:
+    run = Store(tmp_path).create("SN-9", SETUP, {})
+    seal(run, state="complete", verdict="FAIL")
+    told = bad_unit_of(tmp_path, frozenset()).text
+    assert ("SN-9 is bad" in told, run.id in told) == (True, False)
+    (run.folder / "run.json").write_text("{", encoding="utf-8")
+    told = bad_unit_of(tmp_path, frozenset()).text
+    assert (run.id in told, "cannot be read" in told, "SN-9" in told) == (True, True, True)
 
 
 def test_no_unit_is_measured_while_the_bench_is_jogged(good: Situation) -> None:
-    ((refused, why),) = refusals(dataclasses.replace(good, jogging=True, unconfirmed="R1"))
+    ((refused, why),) = refusals(dataclasses.replace(good, jogging=True, bad=SN_9))
     assert (refused, "jog" in why) == ("bench_free", True)
 
 
 def test_all_reasons_are_told_at_once(good: Situation) -> None:
-    both = dataclasses.replace(good, before=(run(1),), unconfirmed="R1")
+    both = dataclasses.replace(good, before=(run(1),), bad=SN_9)
     assert [name for name, _ in refusals(both)] == ["bad_unit_put_away", "retest_reason"]
     assert [name for name, _ in refusals(dataclasses.replace(both, busy=True))] == ["bench_free"]
 
@@ -164,7 +172,7 @@ def test_a_bench_is_free_again_when_a_recovery_has_opened_the_lock(
 ) -> None:
     fault = Store(tmp_path).create("SN-1", SETUP, {})
     fault.update(state="fault", files={})
-    one = dataclasses.replace(good, data=tmp_path, job=on_a_cable(good.job), newest=fault)
+    one = dataclasses.replace(good, data=tmp_path, job=on_a_cable(good.job), last=fault)
     assert [name for name, _ in refusals(one)] == ["bench_recovered"]
     recovery = recoveries(tmp_path).create("SN-1", dataclasses.replace(SETUP, recovery_of=fault.id), {})
     if state != "recording":
@@ -175,6 +183,147 @@ def test_a_bench_is_free_again_when_a_recovery_has_opened_the_lock(
         recovery.write_json(RESULT, plain(told))
         recovery.update(state=state, files={})
     assert [name for name, _ in refusals(one)] == ([] if allowed else ["bench_recovered"])
+
+
+def ended(data: Path, serial: str, verdict: str | None = "PASS", state: str = "complete", setup: Setup = SETUP) -> str:
+    """Make a run that was concluded, and return its id."""
+    record = Store(data).create(serial, setup, {})
+    seal(record, state=state, verdict=verdict)
+    return record.id
+
+
+def bench_of(name: str, sha256: str = "b" * 64, *, embedded: bool = False) -> Setup:
+    return dataclasses.replace(SETUP, bench=BenchSource(name=name, revision=1, sha256=sha256, embedded=embedded))
+
+
+def job_of(name: str, sha256: str = "b" * 64) -> SimpleNamespace:
+    bench = SimpleNamespace(bench=SimpleNamespace(name=name, embedded=False))
+    return SimpleNamespace(bench=bench, bench_source=SimpleNamespace(sha256=sha256))
+
+
+@pytest.mark.parametrize("others", [0, 3, 120])
+def test_a_bench_left_wound_up_is_not_free_by_the_runs_of_another_bench(tmp_path: Path, others: int) -> None:
+    ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-3", "c" * 64, embedded=True))
+    last = last_run_of(tmp_path, job_of("bench-3"))
+    assert last.id == fault
+    assert "Do it." in why_not_free(tmp_path, last, "Do it.")
+    last = last_run_of(tmp_path, job_of("bench-3", "d" * 64))
+    assert last.id == fault, "the file of the bench was changed since"
+    assert last_run_of(tmp_path, job_of("bench-4", "e" * 64)) is None
+    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+
+
+def test_the_page_is_named_for_a_recovery_only_where_it_offers_one(good: Situation) -> None:
+    bench = good.model.model_copy(update={"bench": "b.yaml"})
+    one = dataclasses.replace(good, model=bench, job=on_a_cable(good.job), last=newest("fault"))
+    for ran_last, page in (
+        (newest("fault"), True),
+        (SimpleNamespace(**vars(newest("complete")) | {"id": "R2"}), False),
+    ):
+        ((_, why),) = refusals(dataclasses.replace(one, newest=ran_last))
+        assert ("Maintenance" in why, "recover --bench b.yaml'" in why) == (page, True)
+        assert words_of("de")(why) != why
+
+
+def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:
+    fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    manifest = fault / "run.json"
+    manifest.write_bytes(manifest.read_bytes().replace(b'"fault"', b'"complete"'))
+    assert "ended with 'fault'" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+    manifest.unlink()
+    assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+    shutil.rmtree(tmp_path / last_run_of(tmp_path, job_of("bench-3")).id)
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == "", "by the word of the chain"
+    shutil.rmtree(tmp_path / Store(tmp_path).create("SN-3", bench_of("bench-3"), {}).id)
+    assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+
+
+def test_a_folder_that_is_no_run_hides_none(tmp_path: Path) -> None:
+    bad = ended(tmp_path, "SN-1", "FAIL")
+    (tmp_path / "20991126T160000.000Z-x").mkdir()
+    assert [one.id for one in Store(tmp_path).newest(1)] == [bad]
+    assert unconfirmed(tmp_path, frozenset()) == bad
+
+
+@pytest.mark.parametrize("lost", ["run.json", "the folder"])
+@pytest.mark.parametrize("concluded", [True, False])
+def test_a_run_whose_record_is_gone_may_have_a_bad_unit(tmp_path: Path, lost: str, *, concluded: bool) -> None:
+    run = ended(tmp_path, "SN-1", "FAIL") if concluded else Store(tmp_path).create("SN-1", SETUP, {}).id
+    if lost == "run.json":
+        (tmp_path / run / "run.json").unlink()
+    else:
+        shutil.rmtree(tmp_path / run)
+    assert unconfirmed(tmp_path, frozenset()) == run
+    assert may_be_bad(tmp_path, run), "it can be confirmed"
+    assert unconfirmed(tmp_path, frozenset({run})) == ""
+    assert not may_be_bad(tmp_path, "20261126T160000.000Z-x")
+    assert not may_be_bad(tmp_path, "..")
+
+
+def test_a_good_unit_whose_folder_was_moved_away_is_good_by_the_word_of_the_chain(tmp_path: Path) -> None:
+    shutil.rmtree(tmp_path / ended(tmp_path, "SN-1"))
+    assert unconfirmed(tmp_path, frozenset()) == ""
+
+
+def test_a_run_that_was_killed_while_it_was_begun_has_no_bad_unit(tmp_path: Path) -> None:
+    folder = Store(tmp_path).create("SN-1", SETUP, {}).folder
+    (folder / "run.json").rename(folder / CREATED_MANIFEST)
+    assert unconfirmed(tmp_path, frozenset()) == ""
+
+
+def test_a_bad_unit_is_asked_for_until_it_is_put_away_whatever_was_measured_since(tmp_path: Path) -> None:
+    first = ended(tmp_path, "SN-1", "FAIL")
+    assert unconfirmed(tmp_path, frozenset()) == first
+    killed = Store(tmp_path).create("SN-2", SETUP, {})
+    second = ended(tmp_path, "SN-3", "FAIL")
+    for number in range(3):
+        ended(tmp_path, f"GOOD-{number}")
+    assert unconfirmed(tmp_path, frozenset()) == second
+    assert unconfirmed(tmp_path, frozenset({second})) == "", "what is older was settled before it"
+    seal(killed, state="complete", verdict="FAIL")
+    assert unconfirmed(tmp_path, frozenset({first})) == second
+    for number in range(LOOKED_AT):
+        ended(tmp_path, f"BETTER-{number}")
+    assert unconfirmed(tmp_path, frozenset()) == ""
+
+
+def test_a_run_that_is_concluded_late_is_asked_for(tmp_path: Path) -> None:
+    settled = ended(tmp_path, "SN-1", "FAIL")
+    killed = Store(tmp_path).create("SN-2", SETUP, {})
+    ended(tmp_path, "SN-3")
+    assert unconfirmed(tmp_path, frozenset({settled})) == ""
+    seal(killed, state="complete", verdict="FAIL")
+    assert unconfirmed(tmp_path, frozenset({settled})) == killed.id
+
+
+def test_a_record_that_is_not_as_it_was_sealed_frees_no_bad_unit(tmp_path: Path) -> None:
+    bad = ended(tmp_path, "SN-1", "FAIL")
+    ended(tmp_path, "SN-2")
+    manifest = tmp_path / bad / "run.json"
+    content = manifest.read_bytes()
+    manifest.write_bytes(content.replace(b'"verdict": "FAIL"', b'"verdict": "PASS"'))
+    assert manifest.read_bytes() != content
+    found = bad_unit_of(tmp_path, frozenset())
+    assert found is not None
+    assert found.run == bad
+    assert "not as it was sealed" in found.text
+    manifest.write_bytes(content)
+    chain = tmp_path / "chain.jsonl"
+    lines = [line for line in chain.read_bytes().splitlines(keepends=True) if b'"sealed"' not in line]
+    chain.write_bytes(b"".join(lines))
+    assert unconfirmed(tmp_path, frozenset()) != "", "the line that sealed it was taken out"
+
+
+def test_the_line_and_the_place_of_a_sealed_record_may_come_apart(tmp_path: Path) -> None:
+    bad = tmp_path / ended(tmp_path, "SN-1")
+    (bad / "run.json").rename(bad / CONCLUDED)
+    assert unconfirmed(tmp_path, frozenset()) == "", "its process was killed between the two"
 
 
 def test_a_recipe_that_cannot_be_had_is_said(tmp_path: Path) -> None:
@@ -194,8 +343,8 @@ def test_a_master_part_is_put_away_where_it_should_not_have_failed(
 ) -> None:
     setup = dataclasses.replace(SETUP, unit=dataclasses.replace(SETUP.unit, master=expect))
     newest = Store(tmp_path).create("MASTER", setup, {})
-    newest.update(state="complete", verdict=verdict)
-    assert permission.unconfirmed(tmp_path, frozenset()) == (newest.id if bad else "")
+    seal(newest, state="complete", verdict=verdict)
+    assert unconfirmed(tmp_path, frozenset()) == (newest.id if bad else "")
 
 
 @pytest.mark.parametrize(("verdict", "bad"), [("FAIL", True), ("PASS", False), ("cannot be read", True)])
@@ -204,9 +353,9 @@ def test_the_last_bad_unit_has_to_be_put_away(tmp_path: Path, verdict: str, *, b
     if bad and verdict != "FAIL":
         (newest.folder / "run.json").write_text("{", encoding="utf-8")
     else:
-        newest.update(state="complete", verdict=verdict)
-    assert permission.unconfirmed(tmp_path, frozenset()) == (newest.id if bad else "")
-    assert permission.unconfirmed(tmp_path, frozenset({newest.id})) == ""
+        seal(newest, state="complete", verdict=verdict)
+    assert unconfirmed(tmp_path, frozenset()) == (newest.id if bad else "")
+    assert unconfirmed(tmp_path, frozenset({newest.id})) == ""
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,84 @@
+"""The attempts of a serial number before the next one: by the signed chain, and by the records where it is silent.
+
+A damaged, altered or lost record does not make a unit new. What the chain says of an attempt counts; its record adds
+which metrics failed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from station.documents.manifest import INTERRUPTED, EarlierAttempt
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.chain.entries import CREATED, SEALED, Entry
+from station.records.chain.lookup import entries_of_serial
+from station.records.run_record import RESULT, RunRecord
+
+MOST = 5
+"""The newest are told: a master part is measured every day for years."""
+
+
+def earlier_attempts(data: Path, runs: Sequence[RunRecord], serial: str) -> tuple[EarlierAttempt, ...]:
+    """Return the newest attempts of a serial number, oldest first; damaged runs that no chain knows are left out.
+
+    runs: those that are named after the serial number, oldest first.
+
+    Raises:
+        RecordError: the chain cannot be read.
+
+    """
+    created, sealed = _in_chain(data, serial)
+    found: list[EarlierAttempt] = []
+    for name in sorted({*created, *(run.id for run in runs)}, reverse=True):
+        one = _attempt(RunRecord(data / name), serial, created.get(name), sealed.get(name))
+        if one is not None:
+            found.append(one)
+        if len(found) == MOST:
+            break
+    return tuple(reversed(found))
+
+
+def _in_chain(data: Path, serial: str) -> tuple[dict[str, Entry], dict[str, Entry]]:
+    """Return the lines that begin and conclude the newest runs of a serial number, by run."""
+    created: dict[str, Entry] = {}
+    sealed: dict[str, Entry] = {}
+    for entry in entries_of_serial(data, serial):
+        if entry.kind in (CREATED, SEALED):
+            (created if entry.kind == CREATED else sealed).setdefault(str(entry.fields["run"]), entry)
+        if len(created) == MOST:
+            break
+    return created, sealed
+
+
+def _attempt(run: RunRecord, serial: str, created: Entry | None, sealed: Entry | None) -> EarlierAttempt | None:
+    """Return what became of a run as an attempt of a serial number; None where it is none, or nobody knows."""
+    try:
+        manifest = run.manifest()
+    except StationError:
+        manifest = None
+    if manifest is not None and manifest.recovery_of is not None:
+        return None
+    if sealed is not None:
+        said = sealed.fields
+        return EarlierAttempt(
+            attempt=said["attempt"], run=run.id, state=said["state"], verdict=said["verdict"], failed=_failed(run)
+        )
+    if manifest is not None and (created is not None or manifest.serial == serial):
+        attempt = manifest.attempt if created is None else created.fields["attempt"]
+        return EarlierAttempt(
+            attempt=attempt, run=run.id, state=manifest.state, verdict=manifest.verdict, failed=_failed(run)
+        )
+    if created is None:
+        return None
+    return EarlierAttempt(attempt=created.fields["attempt"], run=run.id, state=INTERRUPTED, verdict=None)
+
+
+def _failed(run: RunRecord) -> tuple[str, ...]:
+    """Return the metrics that failed, by their titles without what stands in brackets."""
+    try:
+        metrics = run.read(Result, RESULT).metrics if run.has(RESULT) else ()
+    except StationError:
+        return ()
+    return tuple((one.title or one.id).partition(" (")[0] for one in metrics if one.verdict == "FAIL")

@@ -1,0 +1,146 @@
+"""Single lines of a chain, found without holding the whole file: it grows for years, and a start is to answer at once.
+
+What counts here is signed by a key that counts in the folder: a line that anybody can write says nothing.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+from station.atomic_file import open_file, refused
+from station.records.chain.chain_file import CHAIN, RUN_BEGINS, RUN_ENDS, Chain, tail
+from station.records.chain.entries import CREATED, REMOVED, SEALED, Entry, entry_of, text_in_line
+from station.records.chain.walk import trust_of
+
+FIRST_BYTES = 1 << 18
+"""Of the end of a chain, which has the lines of about two hundred runs."""
+
+TIMES_LARGER = 16
+BLOCK_BYTES = 1 << 22
+_BENCH = re.compile(rb',"bench":"([^"]*)"')
+
+
+class ChainEnd:
+    """The newest entries of a chain by run; as far back as somebody asks for."""
+
+    def __init__(self, data: Path) -> None:
+        """Look at the chain of a data folder; RecordError where it is there and cannot be read."""
+        self._chain = Chain(data)
+        self._size = FIRST_BYTES
+        self._whole = False
+        self._keys: frozenset[str] | None = None
+        self._by_run: dict[str, list[Entry]] = {}
+        self._oldest = ""
+        self._read()
+
+    @property
+    def id(self) -> str:
+        """Id of the chain, as `Chain.id`."""
+        return self._chain.id
+
+    def runs(self) -> list[str]:
+        """Return the runs that were begun at the end of the chain, without those whose records a rule has removed."""
+        return [run for run in self._by_run if self.created(run) is not None and self._one(run, REMOVED) is None]
+
+    def created(self, run: str) -> Entry | None:
+        """Return the line that begins a run; None where none counts."""
+        return self._one(run, CREATED)
+
+    def sealed(self, run: str) -> Entry | None:
+        """Return the line that concludes a run; None where none counts."""
+        return self._one(run, SEALED)
+
+    def _one(self, run: str, kind: str) -> Entry | None:
+        while run not in self._by_run and not self._whole and run < self._oldest:
+            self._size *= TIMES_LARGER
+            self._read()
+        found = (one for one in self._by_run.get(run, ()) if one.kind == kind)
+        return next((one for one in found if self._counts(one)), None)
+
+    def _counts(self, entry: Entry) -> bool:
+        if self._keys is None:
+            self._keys = trust_of(self._chain).keys
+        return entry.key in self._keys and entry.signed
+
+    def _read(self) -> None:
+        content = tail(self._chain.path, self._size)
+        self._whole = not self._chain.there or self._size >= self._chain.path.stat().st_size
+        self._by_run, self._oldest = {}, ""
+        for line in content.split(b"\n")[:-1]:
+            entry = entry_of(line)
+            if entry is not None and "run" in entry.fields:
+                run = str(entry.fields["run"])
+                self._by_run.setdefault(run, []).append(entry)
+                if entry.kind == CREATED and not self._oldest:
+                    self._oldest = run  # runs are begun in the order of their ids
+        if not self._oldest:
+            self._oldest = "\U0010ffff"
+
+
+def entries_of_serial(data: Path, serial: str) -> Iterator[Entry]:
+    """Yield the entries of a serial number's runs that count, newest first; RecordError where the chain is unreadable.
+
+    Signatures are verified as they are asked for: a master part has thousands of entries.
+    """
+    token = b',"serial":' + text_in_line(serial) + b',"attempt":'
+    lines = list(_lines_with(data / CHAIN, token))
+    keys = trust_of(Chain(data)).keys if lines else frozenset()
+    for line in reversed(lines):
+        entry = entry_of(line)
+        if entry is not None and entry.fields.get("serial") == serial and entry.key in keys and entry.signed:
+            yield entry
+
+
+def entries_of_run(data: Path, run: str) -> list[Entry]:
+    """Return the entries of a run, oldest first, that count; RecordError as above."""
+    return _counting(data, RUN_BEGINS + text_in_line(run) + RUN_ENDS)
+
+
+def last_begun_on_each_bench(data: Path) -> dict[str, str]:
+    """Return the run that was begun last with each text of a bench file, by its SHA-256; RecordError as above."""
+    last: dict[bytes, bytes] = {}
+    for block, length in _blocks(data / CHAIN):
+        places = {found[1]: found.start() for found in _BENCH.finditer(block, 0, length)}
+        last |= {sha256: _line_at(block, at) for sha256, at in places.items()}
+    entries = [entry for line in last.values() if (entry := entry_of(line)) is not None and entry.kind == CREATED]
+    return {str(one.fields["bench"]): str(one.fields["run"]) for one in entries if one.signed}
+
+
+def _counting(data: Path, token: bytes) -> list[Entry]:
+    found = [entry for line in _lines_with(data / CHAIN, token) if (entry := entry_of(line)) is not None]
+    keys = trust_of(Chain(data)).keys if found else frozenset()
+    return [one for one in found if one.key in keys and one.signed]
+
+
+def _lines_with(path: Path, token: bytes) -> Iterator[bytes]:
+    """Yield the whole lines of a file that hold a token, in their order."""
+    for block, length in _blocks(path):
+        at = block.find(token, 0, length)
+        while at >= 0:
+            yield _line_at(block, at)
+            at = block.find(token, block.find(b"\n", at), length)
+
+
+def _line_at(block: bytearray, at: int) -> bytes:
+    return bytes(block[block.rfind(b"\n", 0, at) + 1 : block.find(b"\n", at)])
+
+
+def _blocks(path: Path) -> Iterator[tuple[bytearray, int]]:
+    """Yield a file as whole lines in a buffer that is used again, and their length; a line without its end is none."""
+    block, kept = bytearray(BLOCK_BYTES), 0
+    try:
+        with open_file(path) as file:
+            while count := file.readinto(memoryview(block)[kept:]):  # type: ignore[attr-defined]
+                length = block.rfind(b"\n", 0, kept + count) + 1
+                if length:
+                    yield block, length
+                kept += count - length
+                block[:kept] = block[length : length + kept]
+                if kept == len(block):
+                    block.extend(bytes(len(block)))  # a line that is longer than that
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        raise refused(path, error, "read") from error

@@ -1,0 +1,99 @@
+"""The run by which a bench was left: the newest of this bench, whatever other benches of the folder did since."""
+
+from __future__ import annotations
+
+from itertools import islice
+from pathlib import Path
+
+from station.bench.request import Job
+from station.errors import RecordError, StationError
+from station.records.chain.entries import SEALED, Entry
+from station.records.chain.lookup import entries_of_run, last_begun_on_each_bench
+from station.records.newest_runs import KnownRun, newest_runs
+from station.records.run_record import RunRecord
+from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
+
+NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
+"""How a run may end so that the bench has to be recovered before anything turns."""
+
+LOOKED_INTO = 100
+"""Runs: of a bench that has none among them, the chain says which was its last."""
+
+UNDER_WAY = "The recovery after a fault is in progress. Wait until the unit is unloaded and the lock is open."
+
+
+class LastRun(RunRecord):
+    """The last run of a bench; how it ended says the chain where it was concluded, else its run.json."""
+
+    def __init__(self, folder: Path, sealed: Entry | None) -> None:
+        super().__init__(folder)
+        self._sealed = sealed
+
+    @property
+    def ended_well(self) -> bool:
+        """Whether the chain says that the run ended, and with the unit unloaded."""
+        return self._sealed is not None and self._sealed.fields["state"] not in NEEDS_WAY_BACK
+
+    def state(self) -> str:
+        """State of the run, as `RunRecord.state`."""
+        if self._sealed is not None:
+            return str(self._sealed.fields["state"])
+        return super().state()
+
+
+def last_run_of(data: Path, job: Job) -> RunRecord | None:
+    """Return the newest run on the bench of a job; None where there is none.
+
+    One whose run.json cannot be read may be of this bench, unless a later one is: it counts.
+
+    Raises:
+        StationError: the chain of the folder cannot be read.
+
+    """
+    for run in islice(newest_runs(data), LOOKED_INTO):
+        if _may_be_on(run, job):
+            return LastRun(run.record.folder, run.sealed)
+    begun = last_begun_on_each_bench(data)
+    own = max((run for run in begun.values() if _is_on(RunRecord(data / run), job)), default="")
+    if not own:
+        return None
+    sealed = (one for one in entries_of_run(data, own) if one.kind == SEALED)
+    return LastRun(data / own, next(sealed, None))
+
+
+def why_not_free(data: Path, run: RunRecord, what_to_do: str) -> str:
+    """Return why a bench is not free after its last run, and what to do where it has to be recovered; '' where it is.
+
+    Raises:
+        StationError: the recovery after the run cannot be read.
+
+    """
+    try:
+        state, _ = run.state(), run.manifest()
+    except RecordError as error:
+        if isinstance(run, LastRun) and run.ended_well:
+            return ""
+        return (
+            f"The last run of this bench, {run.id}, cannot be read ({error}), so its unit may be wound up. A "
+            "technician makes sure that it is unloaded and the lock is open, then measures it with 'lostmotion run'."
+        )
+    way_back = newest_recovery(data, run)
+    if way_back is not None and is_under_way(way_back):
+        return UNDER_WAY
+    if state not in NEEDS_WAY_BACK or was_recovered(data, run):
+        return ""
+    return f"Run {run.id} ended with '{state}'. {what_to_do}"
+
+
+def _may_be_on(run: KnownRun, job: Job) -> bool:
+    if run.created is not None and run.created.fields["bench"] == job.bench_source.sha256:
+        return True
+    return _is_on(run.record, job) if run.can_be_read() else run.created is None or run.here
+
+
+def _is_on(run: RunRecord, job: Job) -> bool:
+    try:
+        bench = run.manifest().bench
+    except StationError:
+        return False
+    return bench.name == job.bench.bench.name and bench.embedded == job.bench.bench.embedded

@@ -50,7 +50,7 @@ class Jogging:
 
     def phase(self) -> int:
         """Return the phase in the newest record, 0 before there is one."""
-        for described in self.data.glob("jogs/*/samples.json"):
+        for described in self.data.glob("jogs/*/run.json"):
             table = records_of(described.parent)
             if len(table) and table["orders"]["state"][-1] == State.JOG:
                 return int(table["orders"]["phase"][-1])

@@ -70,8 +70,8 @@ def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) 
     supervisor = start("run", *words, "--serial", "W", data=data)
 
     def loaded() -> bool:
-        described = list(data.glob("*/samples.json"))  # comes after samples.bin, and says how it is to be read
-        table = records_of(described[0].parent) if described else ()
+        begun = list(data.glob("*/run.json"))  # comes after all other files of a run
+        table = records_of(begun[0].parent) if begun else ()
         return len(table) > 0 and table[-1]["image"]["torque_out_nm"] > 200.0
 
     supervisor.wait_for(loaded)

@@ -49,7 +49,7 @@ def page(station: Served, enter: Enter) -> playwright.Page:
 
 def phase(station: Served) -> int:
     """Return the phase in the newest record of the newest jog; 0 where it jogs no more."""
-    described = sorted(station.data.glob("jogs/*/samples.json"))
+    described = sorted(station.data.glob("jogs/*/run.json"))
     table = records_of(described[-1].parent) if described else ()
     on = len(table) > 0 and table["orders"]["state"][-1] == State.JOG
     return int(table["orders"]["phase"][-1]) if on else 0

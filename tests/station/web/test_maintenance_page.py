@@ -61,7 +61,7 @@ def torn_off(station: Served) -> None:
     until = time.monotonic() + LONGEST_S
     while True:
         assert time.monotonic() < until
-        for described in station.data.glob("*/samples.json"):
+        for described in station.data.glob("*/run.json"):
             table = records_of(described.parent)
             if len(table) > 0 and table[-1]["image"]["torque_out_nm"] > 200.0:
                 os.kill(json.loads((described.parent / "scan-report.json").read_bytes())["pid"], signal.SIGKILL)

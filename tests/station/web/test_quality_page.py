@@ -92,13 +92,13 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
     page.click("nav >> text=Quality")
     page.wait_for_selector(".lm-shares b")
     assert page.locator(".lm-shares b").first.inner_text() == "93.3 %"
-    page.wait_for_selector(".lm-words:has-text('every 370.4 points')")
+    page.wait_for_selector(".lm-words:has-text('every 137.2 points')")
     page.wait_for_selector(".lm-words:has-text('groups: found 1')")
     assert page.locator(".lm-capability tr").count() == 2
     assert page.locator("img[src=x]").count() == 0
     page.get_by_label("Rules").click()
     page.get_by_role("option", name="western-electric").click()
-    page.wait_for_selector(".lm-words:has-text('every 91.75 points')")
+    page.wait_for_selector(".lm-words:has-text('every 65.4')")
     page.get_by_label("Units").click()
     page.get_by_role("option", name="virtual bench").click()
     page.wait_for_selector(".lm-shares b:text-is('100.0 %')")

@@ -98,7 +98,7 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
     assert page.locator("img[src=x]").count() == 0
     page.get_by_label("Rules").click()
     page.get_by_role("option", name="western-electric").click()
-    page.wait_for_selector(".lm-words:has-text('every 65.4')")
+    page.wait_for_selector(".lm-words:has-text('every 65.36 points')")
     page.get_by_label("Units").click()
     page.get_by_role("option", name="virtual bench").click()
     page.wait_for_selector(".lm-shares b:text-is('100.0 %')")

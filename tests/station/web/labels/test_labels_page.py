@@ -88,20 +88,3 @@ def test_what_is_printed_again_is_the_label_of_which_the_page_tells(
     page.wait_for_selector("text=Print the label again", state="hidden")
     assert bench.now()["label"]["stage"] == "printed"
     assert not [one for one in printer.printed if "SN-6" in one and "copy" in one]
-
-
-def test_the_label_of_another_unit_is_not_asked_for_on_the_tile_of_a_bad_one(
-    tmp_path: Path, printer: ZplPrinter
-) -> None:
-    data = prepared(tmp_path / "runs")
-    set_up(data, printer.port)
-    there = len(printer.printed)
-    with served(data):
-        seal(data, "SN-1")
-        printer.wait_for(there + 1)
-    store_run(data, "SN-7", [metric(0.4)], day=2, text=released_text(data), failed="too wide")
-    with served(data) as bench, opened(bench.url) as enter:
-        page = enter("operator")
-        page.wait_for_selector("text=The label of unit SN-1 was not read yet.")
-        page.wait_for_selector(".lm-tile.FAIL:has-text('SN-7')")
-        assert "NOK box" in page.inner_text(".lm-do")

@@ -232,15 +232,20 @@ def test_scans_end_with_carriage_return_line_feed_or_both(sent: bytes) -> None:
     os.close(reader)
 
 
+@contextmanager
+def in_a_terminal(data: Path) -> Iterator[Any]:
+    """Start the loop as a process that reads what is written to it."""
+    command = [sys.executable, "-m", "station", "line", "--data", str(data), "--operator", "A. Tester", "--fast"]
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
+    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as line:
+        yield line
+
+
 @pytest.mark.wires
 def test_scans_become_runs_over_wires_and_those_during_a_run_are_refused(tmp_path: Path) -> None:
     data = tmp_path / "runs"
     write_models(data)
-    command = [sys.executable, "-m", "station", "line", "--data", str(data), "--operator", "A. Tester", "--fast"]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as line:
-        assert line.stdin is not None
-        assert line.stdout is not None
+    with in_a_terminal(data) as line:
         line.stdin.write("SN-7\n")
         line.stdin.flush()
         said = ""
@@ -260,11 +265,7 @@ def test_scans_become_runs_over_wires_and_those_during_a_run_are_refused(tmp_pat
 def test_the_table_of_models_is_read_again_when_it_has_changed(tmp_path: Path) -> None:
     data = tmp_path / "runs"
     write_models(data)
-    command = [sys.executable, "-m", "station", "line", "--data", str(data), "--operator", "A. Tester", "--fast"]
-    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.STDOUT}
-    with subprocess.Popen(command, cwd=ROOT, text=True, **pipes) as line:
-        assert line.stdin is not None
-        assert line.stdout is not None
+    with in_a_terminal(data) as line:
         line.stdin.write("none-1\n")
         line.stdin.flush()
         while "No model has serial numbers like" not in (said := line.stdout.readline()):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from sqlalchemy import Column, Connection, Engine, MetaData, String, Table, create_engine, event, insert, inspect, text
@@ -36,9 +37,43 @@ FEW_RUNS = 5_000
 ONE_AT_A_TIME = 7_362_514_220
 """Number of the advisory lock by which writers on PostgreSQL take turns."""
 
+KEPT_S = 900
+"""How old a connection that is kept may become: what it remembers of all partitions takes memory of the server."""
+
 
 class StoreError(StationError):
     """The store cannot be used. No run and no verdict depends on it."""
+
+
+class _Kept:
+    """Engines whose connections outlive one look, by the address of their server; none until somebody asks for it."""
+
+    def __init__(self) -> None:
+        self._asked, self._engines, self._lock = False, dict[str, Engine](), Lock()
+
+    def begin(self) -> None:
+        self._asked = True
+
+    def engine(self, url: str) -> Engine | None:
+        """Return the engine of a server whose connections are kept."""
+        if not self._asked or url.startswith("sqlite"):
+            return None
+        with self._lock:
+            if url not in self._engines:
+                self._engines[url] = _engine(url)
+            return self._engines[url]
+
+
+_KEPT = _Kept()
+
+
+def keep_connections() -> None:
+    """Keep connections to a database server from one look to the next, in a process that answers people all day.
+
+    A new connection to PostgreSQL knows none of the partitions yet: with years of runs it takes longer to learn them
+    than to find what was asked for. One that has broken since is noticed before it is used, and made anew.
+    """
+    _KEPT.begin()
 
 
 class Database:
@@ -56,7 +91,9 @@ class Database:
         self.place = place
         self._may_take_long = may_take_long
         with _told(place):
-            self._engine = _engine(place.url)
+            kept = _KEPT.engine(place.url)
+            self._is_kept = kept is not None
+            self._engine = kept or _engine(place.url)
             self._migrate()
 
     @contextmanager
@@ -81,8 +118,9 @@ class Database:
                 yield connection
 
     def close(self) -> None:
-        """Close it."""
-        self._engine.dispose()
+        """Close it; connections that are kept stay open."""
+        if not self._is_kept:
+            self._engine.dispose()
 
     def _migrate(self) -> None:
         with self._engine.connect() as connection:
@@ -157,7 +195,8 @@ def _engine(url: str) -> Engine:
     elif url.startswith("sqlite"):
         engine = create_engine(place, connect_args={"timeout": BUSY_S})
     else:
-        engine = create_engine(place, connect_args={"connect_timeout": int(BUSY_S)})
+        connect = {"connect_timeout": int(BUSY_S)}
+        engine = create_engine(place, connect_args=connect, pool_pre_ping=True, pool_recycle=KEPT_S)
     if url.startswith("sqlite"):
         event.listen(engine, "connect", _set_up_sqlite)
         event.listen(engine, "begin", _begin_sqlite)

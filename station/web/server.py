@@ -13,6 +13,7 @@ from nicegui import ui
 from starlette.types import ASGIApp
 
 from station.errors import StationError
+from station.store.engine import keep_connections
 from station.web.aqdef.outbox import Writer
 from station.web.aqdef.settings import load_aqdef
 from station.web.guard import Guard
@@ -147,6 +148,7 @@ def serve(served: Served) -> None:
         StationError, RecipeError: as `open_station`; the port is taken.
 
     """
+    keep_connections()
     station, password = open_station(served)
     station.settings.use_time_zone()
     outboxes: list[Sender | Printing | Writer] = []

@@ -16,7 +16,7 @@ from station.records.attempts import MOST as MOST_BEFORE
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
 from station.records.run_record import NOT_CONCLUDED
-from station.store.plant.hours import judged_as
+from station.store.plant.hours import FAIL, UNDECIDED
 from station.store.plant.meanings import meaning_of_metrics
 from station.store.stored_runs import COLUMNS, MOST_NAMED, StoredRun, believed
 from station.store.tables import ATTEMPTS, MEANINGS, METRICS, RUNS
@@ -42,7 +42,7 @@ def attempts_told(connection: Connection, chain: Chain, trust: Trust, runs: Iter
     again = [one for one in wanted if one.attempt > FIRST]
     before = _before(connection, chain, again) if again else []
     ended = _ended(connection, chain, trust, before)
-    failed = _failed(connection, chain, [one.run for one in ended.values() if one.verdict == "FAIL"])
+    failed = _judged(connection, chain, {one.run: FAIL for one in ended.values() if one.verdict == FAIL})
     of_unit: dict[str, list[EarlierAttempt]] = {}
     for one in before:
         of_unit.setdefault(one.serial, []).append(_earlier(one, ended.get(one.run), failed.get(one.run, ())))
@@ -55,11 +55,7 @@ def attempts_told(connection: Connection, chain: Chain, trust: Trust, runs: Iter
 
 def not_passed(connection: Connection, chain: Chain, runs: Iterable[StoredRun]) -> dict[str, tuple[str, ...]]:
     """Return of each run that failed, or is not decidable, the titles of the metrics that made it so, by run."""
-    found: dict[str, tuple[str, ...]] = {}
-    wanted = list(runs)
-    for verdict in ("FAIL", "NOT DECIDABLE"):
-        found |= _failed(connection, chain, [one.run for one in wanted if one.verdict == verdict], verdict)
-    return found
+    return _judged(connection, chain, {one.run: one.verdict for one in runs if one.verdict in (FAIL, UNDECIDED)})
 
 
 def _before(connection: Connection, chain: Chain, again: list[StoredRun]) -> list[_Of]:
@@ -89,15 +85,24 @@ def _ended(connection: Connection, chain: Chain, trust: Trust, before: list[_Of]
     return found
 
 
-def _failed(connection: Connection, chain: Chain, runs: list[str], verdict: str = "FAIL") -> dict[str, tuple[str, ...]]:
-    """Return the titles of the metrics that have a verdict, without what stands in brackets, by run."""
-    found: dict[str, tuple[str, ...]] = {}
+def _judged(connection: Connection, chain: Chain, wanted: dict[str, str]) -> dict[str, tuple[str, ...]]:
+    """Return the titles of the metrics that have their run's verdict, without what stands in brackets, by run.
+
+    The verdict of a metric is the worst of its sides': one that fails on a side does not count as undecided.
+    """
+    sides: dict[tuple[str, int], tuple[str, set[str]]] = {}
+    runs = list(wanted)
     for first in range(0, len(runs), MOST_NAMED):
-        asked = select(METRICS.c.run, MEANINGS.c.metric).select_from(METRICS)
+        asked = select(METRICS.c.run, METRICS.c.position, MEANINGS.c.metric, METRICS.c.verdict).select_from(METRICS)
         asked = asked.join(MEANINGS, meaning_of_metrics()).where(
-            METRICS.c.chain == chain.id, METRICS.c.run.in_(runs[first : first + MOST_NAMED]), judged_as(verdict)
-        )
-        for run, metric in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)).all():
+            METRICS.c.chain == chain.id, METRICS.c.run.in_(runs[first : first + MOST_NAMED]),
+            METRICS.c.verdict.in_((FAIL, UNDECIDED)),
+        )  # fmt: skip
+        for run, position, metric, verdict in connection.execute(asked.order_by(METRICS.c.run, METRICS.c.position)):
+            sides.setdefault((run, position), (metric, set()))[1].add(verdict)
+    found: dict[str, tuple[str, ...]] = {}
+    for (run, _), (metric, verdicts) in sides.items():
+        if wanted[run] == (FAIL if FAIL in verdicts else UNDECIDED):
             title = DEFINED[metric].title if metric in DEFINED else metric
             found[run] = (*found.get(run, ()), title.partition(" (")[0])
     return found

@@ -17,7 +17,7 @@ from station.store.attempts import attempts_told, not_passed
 from station.store.outbox import catch_up, put_runs
 from station.store.plant.removals import removals_now
 from station.store.projection import seen, seen_files
-from station.store.stored_runs import StoredRun, Wanted, believed, newest_meant, number_of, runs_named, values_of
+from station.store.stored_runs import Span, StoredRun, Wanted, believed, newest_meant, number_of, runs_named, total_of
 from station.store.view import opened
 
 MOST_ROWS = 500
@@ -57,11 +57,12 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
     database = opened(data)
     try:
         behind = catch_up(database, chain, most_s=CATCH_UP_S)
-        # First which ones, and how many, in an index that holds all that is asked for; then the rows of those.
+        # First how many, and which ones, in an index that holds all that is asked for; then the rows of those.
         with database.reading() as connection:
-            named = newest_meant(connection, chain, wanted, first, min(count, MOST_ROWS))
-            total = number_of(connection, chain, wanted)
-            recipes, models = (values_of(connection, chain, name) for name in ("recipe", "model"))
+            total = total_of(connection, chain)
+            number = number_of(connection, chain, wanted, total)
+            span = Span(first, min(count, MOST_ROWS))
+            named = newest_meant(connection, chain, wanted, span, number=number, total=total)
             rows = runs_named(connection, chain, named)
         now = {run: _seen_now(chain, run) for run in rows}
         changed = [run for run, row in rows.items() if now[run][0] and now[run] != (row.seen, row.seen_files)]
@@ -80,7 +81,7 @@ def search(data: Path, wanted: Wanted, *, first: int = 0, count: int = 100) -> P
     shown = [rows[run]._replace(altered=why[run]) if run in why else rows[run] for run in named if run in rows]
     told = tuple(believed(one, chain, trust) for one in shown)
     why_not = {one.run: why_not[one.run] for one in told if one.verdict and one.run in why_not}
-    return Page(told, total, recipes, models, behind, attempts, why_not)
+    return Page(told, number, total.recipes, total.models, behind, attempts, why_not)
 
 
 def _seen_now(chain: Chain, run: str) -> tuple[str, str]:

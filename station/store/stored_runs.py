@@ -96,30 +96,57 @@ def meant(asked: Select[Any], chain: Chain, wanted: Wanted) -> Select[Any]:
     return between_hours(asked, RUNS, wanted.since, wanted.until)
 
 
-def number_of(connection: Connection, chain: Chain, wanted: Wanted) -> int:
+class Total(NamedTuple):
+    """What a data folder holds: how many concluded runs, and by which recipes, of which models, in order."""
+
+    runs: int
+    recipes: tuple[str, ...]
+    models: tuple[str, ...]
+
+
+def total_of(connection: Connection, chain: Chain) -> Total:
+    """Return what there is, by one look at the hours."""
+    hours = RUN_HOURS.c
+    asked = select(hours.recipe, hours.model, func.sum(hours.runs)).where(hours.chain == chain.id)
+    found = connection.execute(asked.group_by(hours.recipe, hours.model)).all()
+    recipes, models = ({row[place] for row in found} - {""} for place in (0, 1))
+    return Total(sum(int(number) for *_, number in found), tuple(sorted(recipes)), tuple(sorted(models)))
+
+
+def number_of(connection: Connection, chain: Chain, wanted: Wanted, total: Total) -> int:
     """Return how many concluded runs are meant: from the hours, where no serial number and no part of one is named."""
+    if wanted == Wanted():
+        return total.runs
     if wanted.serial is not None or wanted.begins or not whole_hours(wanted.since, wanted.until):
         asked = meant(select(func.count()).select_from(RUNS), chain, wanted)
         return int(connection.execute(asked).scalar() or 0)
     return _number_in_hours(connection, chain, wanted)
 
 
-def newest_meant(connection: Connection, chain: Chain, wanted: Wanted, first: int, count: int) -> list[str]:
-    """Return the ids of `count` runs that are meant, from the `first` newest on, newest first.
+class Span(NamedTuple):
+    """Some of the runs that are meant: at most so many, from the `first` newest on."""
+
+    first: int
+    most: int
+
+
+def newest_meant(
+    connection: Connection, chain: Chain, wanted: Wanted, span: Span, *, number: int, total: Total
+) -> list[str]:
+    """Return the ids of some runs that are meant, newest first; `number`: how many are meant, of those in total.
 
     A database goes to them from the newest run on, past all that are not meant. Where these are more than those that
     are, as with a week of last year, it takes the hours that have some, and sorts what it finds there.
     """
     asked = meant(select(RUNS.c.run), chain, wanted)
     if wanted.serial is None and not wanted.begins and wanted != Wanted():
-        number, all_runs = (_number_in_hours(connection, chain, one) for one in (wanted, Wanted()))
         after = 0 if wanted.until is None else _number_in_hours(connection, chain, Wanted(since=wanted.until))
-        passed = after + (first + count) * all_runs // max(number, 1)
+        passed = after + (span.first + span.most) * total.runs // max(number, 1)
         if number * DEARER_BY_HOUR < passed:
             hours = _of_hours(select(RUN_HOURS.c.hour).distinct(), chain, wanted)
             asked = select(asked.where(RUNS.c.hour.in_(hours)).limit(NO_LIMIT).subquery().c.run)
     (run,) = asked.selected_columns
-    return list(connection.execute(asked.order_by(run.desc()).offset(first).limit(count)).scalars())
+    return list(connection.execute(asked.order_by(run.desc()).offset(span.first).limit(span.most)).scalars())
 
 
 def _number_in_hours(connection: Connection, chain: Chain, wanted: Wanted) -> int:

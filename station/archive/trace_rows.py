@@ -26,7 +26,7 @@ from station.documents.archived import TraceFacts
 from station.documents.entries import plain
 from station.documents.reading import document_in
 from station.errors import RecordError, StationError
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RunRecord
 from station.records.seal import fingerprint
 from station.results.run_analysis import recorded_trace
 
@@ -68,7 +68,7 @@ def trace_rows(run: RunRecord) -> pa.Table | None:
         return None
     try:
         recipe, bench = ((run.folder / f"{part}.yaml").read_bytes().decode() for part in ("recipe", "bench"))
-        recorded = recorded_trace(run, load_bench(run.folder / "bench.yaml"))
+        recorded = recorded_trace(run, load_bench(run.folder / BENCH_COPY))
         facts = TraceFacts(
             run=run.id,
             sha256=fingerprint(run.folder / "run.json").sha256,

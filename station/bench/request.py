@@ -55,7 +55,7 @@ from station.bench.measuring import (
 )
 from station.documents.commissioning import StepDone
 from station.errors import StationError
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
 
@@ -280,8 +280,8 @@ def stored_job(run: RunRecord) -> Job:
     for profile in sorted(run.folder.glob("profiles/*")):
         _stored_source(profile)
     return _loaded(
-        lambda: _stored_source(run.folder / "recipe.yaml"),
-        lambda _: _stored_source(run.folder / "bench.yaml"),
+        lambda: _stored_source(run.folder / RECIPE_COPY),
+        lambda _: _stored_source(run.folder / BENCH_COPY),
         run.day(),
     )
 

@@ -16,7 +16,7 @@ from station.counted import counted
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
-from station.records.run_record import RunRecord
+from station.records.run_record import RECIPE_COPY, RunRecord
 from station.store.quality.lot import Production
 from station.store.quality.values import Characteristic, metrics_of_run, one_of, part_runs, values_of_part
 from station.store.tables import RUNS
@@ -134,7 +134,7 @@ def tolerance_of(production: Production, series: PartSeries) -> tuple[float, str
 
 def stated_tolerance(run: RunRecord, metric: str) -> float | None:
     """Return the tolerance that the recipe of a run states for a metric; None where it states none."""
-    path = run.folder / "recipe.yaml"
+    path = run.folder / RECIPE_COPY
     try:
         recipe = parse_recipe(read_bytes(path), str(path))
     except (RecipeError, OSError):

@@ -15,12 +15,11 @@ from recipes import Recipe, RecipeError, parse_recipe
 from recipes.text.yaml_source import read_bytes
 from station.errors import StationError
 from station.records.revisions.revision import hash_of, text_path
-from station.records.run_record import RunRecord
+from station.records.run_record import RECIPE_COPY, RunRecord
 from station.store.quality.lot import Lot, Production
 from station.store.quality.trial import GuardNow
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 
-NAME = "recipe.yaml"
 MOST_COPIES = 20
 """Runs with the same recipe whose copy of it is tried."""
 
@@ -58,7 +57,7 @@ def recipe_bytes(data: Path, run: str) -> tuple[Path, bytes]:
 
     """
     record = RunRecord(data / run)
-    path = record.folder / NAME
+    path = record.folder / RECIPE_COPY
     content = read_bytes(path)
     expected, found = record.manifest().recipe.sha256, hash_of(content)
     if found != expected:
@@ -72,7 +71,7 @@ def recipe_bytes(data: Path, run: str) -> tuple[Path, bytes]:
 def _recipe(production: Production, sha256: str, run: str) -> Recipe | None:
     """Return the recipe of a hash; None where no copy of it is left that can be read."""
     data = production.chain.data
-    paths = [data / run / NAME, *_copies(production, sha256)]
+    paths = [data / run / RECIPE_COPY, *_copies(production, sha256)]
     for path in dict.fromkeys(paths):
         try:
             content = path.read_bytes()
@@ -90,9 +89,9 @@ def _copies(production: Production, sha256: str) -> list[Path]:
     runs = production.connection.execute(asked.order_by(ATTEMPTS.c.run.desc()).limit(MOST_COPIES)).scalars()
     named = select(RECIPES.c.name, RECIPES.c.revision).where(RECIPES.c.chain == here, RECIPES.c.sha256 == sha256)
     texts = production.connection.execute(named).tuples()
-    return [*(data / run / NAME for run in runs), *(text_path(data, name, rev, sha256) for name, rev in texts)]
+    return [*(data / run / RECIPE_COPY for run in runs), *(text_path(data, name, rev, sha256) for name, rev in texts)]
 
 
 @lru_cache(MOST_RECIPES)
 def _parsed(content: bytes) -> Recipe:
-    return parse_recipe(content, NAME)
+    return parse_recipe(content, RECIPE_COPY)

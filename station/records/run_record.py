@@ -48,6 +48,8 @@ __all__ = [
     "RunRecord",
 ]
 
+RECIPE_COPY = "recipe.yaml"
+BENCH_COPY = "bench.yaml"
 SAMPLES = "samples.bin"
 PACKED = "samples.parquet"
 RESULT = "result.json"

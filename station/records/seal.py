@@ -25,7 +25,20 @@ from station.records.chain.head import chain_seen_in
 from station.records.chain.old_index import INDEX, index_content, index_kept, index_lines
 from station.records.chain.walk import trust_of, whole_between
 from station.records.ring.ring import FILE_PREFIX
-from station.records.run_record import INTERRUPTED, MANIFEST, PACKED, RECORDING, RESULT, SAMPLES, RunRecord
+from station.records.run_record import (
+    BENCH_COPY,
+    CALIBRATION,
+    EVENTS,
+    INTERRUPTED,
+    MANIFEST,
+    PACKED,
+    RECIPE_COPY,
+    RECORDING,
+    RESULT,
+    SAMPLES,
+    TIMING,
+    RunRecord,
+)
 
 PROFILES = "profiles"
 CONCLUDED = ".run.json.concluded"
@@ -35,13 +48,13 @@ SEALED = (
     SAMPLES,
     PACKED,
     "samples.json",
-    "recipe.yaml",
-    "bench.yaml",
+    RECIPE_COPY,
+    BENCH_COPY,
     "scenario.yaml",
     "program.json",
-    "events.jsonl",
-    "calibration.json",
-    "timing.json",
+    EVENTS,
+    CALIBRATION,
+    TIMING,
     RESULT,
 )
 """With the device profiles: every file that the verdict rests on, and the verdict itself."""

@@ -26,7 +26,7 @@ from station.documents.manifest import MANIFEST
 from station.documents.result import MetricValue
 from station.errors import StationError
 from station.quality.recipe_change import RecipeChange, changed_recipe, place_of
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 from station.records.seal import alterations, fingerprint
 from station.records.timing_proof import facts_of_counts
 from station.reevaluation.question import Question
@@ -221,12 +221,12 @@ def _changed(content: bytes, change: RecipeChange) -> bytes:
 
 @lru_cache(MOST_RECIPES)
 def _recipe(content: bytes) -> Recipe:
-    return parse_recipe(content, "recipe.yaml")
+    return parse_recipe(content, RECIPE_COPY)
 
 
 @lru_cache(MOST_RECIPES)
 def _bench(content: bytes) -> Bench:
-    return parse_bench(content, "bench.yaml")
+    return parse_bench(content, BENCH_COPY)
 
 
 _PLACES: dict[str, Place] = {}

@@ -14,7 +14,7 @@ from station.documents.reading import document_in
 from station.documents.result import Result
 from station.documents.timing import Timing
 from station.errors import RecordError
-from station.records.run_record import EVENTS, TIMING, RunRecord
+from station.records.run_record import BENCH_COPY, EVENTS, RECIPE_COPY, TIMING, RunRecord
 from station.records.samples.history import conditions_of, history_of
 from station.records.samples.samples import read_samples
 from station.records.samples.table import Table
@@ -60,7 +60,7 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
             record.write_bytes(name, pictures[name])
     try:
         lines = (record.folder / EVENTS).read_bytes().splitlines()
-        files = {name: (record.folder / name).read_text(encoding="utf-8") for name in ("recipe.yaml", "bench.yaml")}
+        files = {name: (record.folder / name).read_text(encoding="utf-8") for name in (RECIPE_COPY, BENCH_COPY)}
         events = [document_in(EventRow, line, record.folder / EVENTS) for line in lines]
     except RecordError as error:
         raise RecordError(f"{record.folder}: the report of this run cannot be made: {error}") from error

@@ -31,7 +31,7 @@ from station.documents.timing import Timing
 from station.errors import RecordError, StationError
 from station.records.clocks import VIRTUAL, clock_of
 from station.records.program_file import StoredProgram
-from station.records.run_record import TIMING, RunRecord
+from station.records.run_record import BENCH_COPY, TIMING, RunRecord
 from station.records.samples.table import Table
 from station.records.timing_proof import counts_of, facts_of_counts
 from station.results.evaluation import trace_of
@@ -62,7 +62,7 @@ def for_analysis(run: RunRecord, table: Table) -> tuple[Sequence[Column], TraceN
     said = None
     columns: Sequence[Column] = ()
     with suppress(*UNREADABLE):
-        bench = load_bench(run.folder / "bench.yaml")
+        bench = load_bench(run.folder / BENCH_COPY)
         segments = StoredProgram.of(run).segments
         columns = trace_columns(table, segments, bench)
         trace = trace_of(table, segments, bench, run.manifest().period_ns, run.id)

@@ -12,7 +12,7 @@ from station.documents.manifest import BenchSource, RecipeSource, Setup, StudyPl
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
 from station.records.program_file import PROGRAM, plain_program
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 from station.version import software
 from station.wall_clock import WALL_CLOCK
 
@@ -79,7 +79,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         study=wanted.study,
         notes=(*notes, *job.drive_notes),
     )
-    files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
+    files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)

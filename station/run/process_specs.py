@@ -25,7 +25,7 @@ from station.documents.manifest import LeftBy
 from station.errors import StationError
 from station.records.clocks import SCAN, Pacing
 from station.records.program_file import PROGRAM
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RunRecord
 from station.scan.scan_spec import Compiled, ScanSpec, SpecFile, write_spec
 
 TRUTH = "truth.csv"
@@ -42,7 +42,7 @@ def write_bench_spec(job: Job, record: RunRecord, unit: VirtualUnit | None, scen
     folder = record.folder
     truth = None if scenario is None else folder / TRUTH
     spec = BenchSpec(
-        bench=str(folder / "bench.yaml"),
+        bench=str(folder / BENCH_COPY),
         profiles=_profiles(job, record),
         unit=unit,
         scenario=None if scenario is None else str(scenario),

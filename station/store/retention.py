@@ -29,7 +29,7 @@ from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import REMOVED
 from station.records.clocks import VIRTUAL, clock_of
 from station.records.data_folder import Store
-from station.records.run_record import RESULT, RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RESULT, RunRecord
 from station.records.seal import alterations, fingerprint, is_sealed
 from station.records.traces import keep_trace
 from station.reports.content import LOOP_CSV
@@ -39,7 +39,7 @@ FILE = "retention.yaml"
 PRODUCT, MASTER, VIRTUAL_RUN, INJECTED = "product", "master", "virtual", "injected"
 TRACE, NOTHING = "trace", "nothing"
 BACKUP, ARCHIVE = "backup", "archive"
-KEPT_OF_A_TRACE = (MANIFEST, RESULT, "recipe.yaml", "bench.yaml")
+KEPT_OF_A_TRACE = (MANIFEST, RESULT, RECIPE_COPY, BENCH_COPY)
 
 RunClass = Literal["product", "master", "virtual", "injected"]
 Outcome = Literal["PASS", "FAIL", "NOT DECIDABLE", "none"]

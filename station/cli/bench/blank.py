@@ -19,7 +19,7 @@ from station.documents.entries import plain
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.program_file import StoredProgram
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 from station.records.samples.samples import read_samples
 from station.results.evaluation import trace_of
 
@@ -108,8 +108,8 @@ def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trac
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; expected a complete run. Name another run")
     manifest = run.manifest()
-    own = load_recipe(run.folder / "recipe.yaml" if recipe is None else recipe)
-    where = load_bench(run.folder / "bench.yaml" if bench is None else find_bench(bench))
+    own = load_recipe(run.folder / RECIPE_COPY if recipe is None else recipe)
+    where = load_bench(run.folder / BENCH_COPY if bench is None else find_bench(bench))
     segments = StoredProgram.of(run).segments
     trace = trace_of(read_samples(run), segments, where, manifest.period_ns, run.id)
     made = day_of(manifest.started)

@@ -19,7 +19,7 @@ from station.documents.manifest import RecipeSource, Setup, Unit
 from station.errors import BenchFaultError, StationError
 from station.records.data_folder import check_operator
 from station.records.program_file import PROGRAM, plain_program
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 from station.run.conclusion import conclude
 from station.run.jog.jogs import JogJob, jog_job, jogs, why_no_jog
 from station.run.jog.keys import OLDEST_TOKEN_S, Keys, Lines, Typed
@@ -94,7 +94,7 @@ def _create(data: Path, job: JogJob, unit: VirtualUnit | None, operator: str | N
         operator=operator,
         bench=bench_source(job),
     )  # fmt: skip
-    files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
+    files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
     record = jogs(data).create(SERIAL, setup, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))

@@ -28,7 +28,7 @@ from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.data_folder import Store, check_operator
 from station.records.left_state import left_state
 from station.records.program_file import PROGRAM, StoredProgram, plain_program
-from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RunRecord
+from station.records.run_record import BENCH_COPY, INTERRUPTED, NOT_CONCLUDED, RECIPE_COPY, RunRecord
 from station.records.samples.check import sound_table
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import Table
@@ -115,7 +115,7 @@ def recover(
         raise StationError(
             "no terminal to answer in: run it in a terminal, or with --yes after you have checked the bench"
         )
-    job = stored_job(run) if bench is None else load_job(str(run.folder / "recipe.yaml"), bench)
+    job = stored_job(run) if bench is None else load_job(str(run.folder / RECIPE_COPY), bench)
     left = left_by(table)
     asked = _Signalled() if by_signal else _Said(_say_yes if yes else _typed)
     record = _create(data, run, job, left, None if operator is None else check_operator(operator))
@@ -213,7 +213,7 @@ def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | 
         recovery_of=run.id,
         left=left,
     )
-    files = {"recipe.yaml": job.recipe_source.content, "bench.yaml": job.bench_source.content}
+    files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
     record = recoveries(data).create(of.serial, setup, files, own=True)
     record.write_json(PROGRAM, plain_program(job.program))

@@ -29,7 +29,7 @@ from station.documents.manifest import RecipeHead, Software
 from station.documents.result import Evaluation, Judged, Result
 from station.documents.timing import Timing
 from station.errors import StationError
-from station.records.run_record import RESULT, TIMING, RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RESULT, TIMING, RunRecord
 from station.records.seal import alterations
 from station.reports.stored_result import stored_result
 from station.results.evaluation import decision_of, figures_for, method_of, method_of_recipe, planned_rates, wanted_of
@@ -178,7 +178,7 @@ def reevaluate(
     if altered:
         return evaluation_of(replace(stored_result(run), metrics=()))
     manifest = run.manifest()
-    own_recipe, own_bench = run.folder / "recipe.yaml", run.folder / "bench.yaml"
+    own_recipe, own_bench = run.folder / RECIPE_COPY, run.folder / BENCH_COPY
     recipe_file = own_recipe if recipe_name is None else find_recipe(recipe_name)
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
     recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)

@@ -135,7 +135,9 @@ def software() -> Software:
     )
 
 
+@cache
 def _installed(name: str) -> str | None:
+    """Return the version of a package as it was when this process first asked: what it has loaded."""
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:

@@ -24,6 +24,7 @@ from station.records.revisions.revision import Revision, RevisionError
 from station.records.run_record import RunRecord
 from station.run.disk_space import refuse_full_disk
 from station.run.jog.jogs import jog_is_on
+from station.run.way_back.begins_at import recovery_begins_at
 from station.run.way_back.last_run import last_run_of, why_not_free
 from station.wall_clock import WALL_CLOCK
 from station.web.bad_units import Bad, bad_unit_of
@@ -280,11 +281,13 @@ def _bench_recovered(one: Situation) -> str | None:
     if one.last is None or one.job is None or one.job.bench.bench.embedded:
         return None
     named = "" if one.model is None or one.model.bench is None else f" --bench {one.model.bench}"
-    # The page looks at the bench of the newest run alone.
-    there = "" if one.newest is not None and one.newest.id != one.last.id else "on the page Maintenance, or "
-    to_do = f"A technician recovers the bench {there}with 'lostmotion recover{named}'."
     try:
-        return why_not_free(one.data, one.last, to_do) or None
+        if not why_not_free(one.data, one.last, ""):
+            return None
+        offered = recovery_begins_at(one.data)
+        there = "on the page Maintenance, or " if offered is not None and offered.id == one.last.id else ""
+        to_do = f"A technician recovers the bench {there}with 'lostmotion recover{named}'."
+        return why_not_free(one.data, one.last, to_do)
     except StationError as error:
         return f"The recovery after the last run of this bench cannot be read: {error}"
 

@@ -24,7 +24,7 @@ def begin_recovery(call: Call, _given: Nothing) -> RecoveryBegun:
     if standing.fault is None or standing.released:
         why = standing.why_none or "The bench was recovered: the lock is open, and the unit can be taken out."
         raise NotNowError([("no_fault", why)])
-    way_back.start(call.person.name)
+    way_back.start(call.person.name, standing.fault.run)
     return RecoveryBegun(run=standing.fault.run, cause=standing.fault.cause)
 
 

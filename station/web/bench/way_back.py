@@ -22,7 +22,9 @@ from station.documents.manifest import RECORDING, Manifest
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RESULT, RunRecord
+from station.records.run_record import BENCH_COPY, RESULT, RunRecord
+from station.run.way_back.begins_at import recovery_begins_at
+from station.run.way_back.last_run import NEEDS_WAY_BACK
 from station.run.way_back.recoveries import FOLDER, is_released, newest_recovery
 from station.web.bench.sight import Sight
 from station.web.running import RUNNING, Now, Running
@@ -31,9 +33,6 @@ OUTPUT = "station-recover.log"
 """What the last started process said; of one that was refused it is the reason."""
 
 ACKNOWLEDGED_BY = signal.SIGUSR1
-NEEDS_ONE = ("fault", INTERRUPTED, NOT_CONCLUDED)
-"""States of a run after which its bench has to be recovered."""
-
 LAST_WORDS = 4
 
 ALL_ANSWER = "Emergency stop released, guard closed, all devices answer."
@@ -51,7 +50,7 @@ class StepRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Fault:
-    """What the recovery begins at: a run that left the bench in a fault, how it ended, and how it left the bench."""
+    """What the recovery begins at: a run that left its bench in a fault, how it ended, and how it left the bench."""
 
     run: str
     bench: str
@@ -84,10 +83,17 @@ class WayBack:
         self._one_at_a_time = RLock()
         self._running = Running(data / FOLDER)
 
-    def start(self, operator: str) -> None:
-        """Start the process; it enables nothing before it is told to. StationError where it cannot start."""
+    def start(self, operator: str, run: str) -> None:
+        """Start the process, of the bench that a run left; it enables nothing before it is told to.
+
+        Raises:
+            StationError: it cannot be started.
+
+        """
         command = [sys.executable, "-m", "station", "recover", "--by-signal", "--operator", operator]
         command += ["--data", str(self._data)]
+        if any(one.id != run for one in Store(self._data).newest(1)):  # another bench has run since
+            command += ["--bench", str(self._data / run / BENCH_COPY)]
         with self._one_at_a_time:
             try:
                 with (self._data / OUTPUT).open("wb") as output:
@@ -118,22 +124,22 @@ class WayBack:
     def standing(self) -> Standing:
         """Return how the recovery stands now."""
         now = self.now()
-        newest = next(reversed(Store(self._data).newest(1)), None)
-        if newest is None:
+        run = recovery_begins_at(self._data)
+        if run is None:
             return Standing(why_none="No run was made yet.")
         try:
-            return self._standing(newest, newest.manifest(), now)
+            return self._standing(run, run.manifest(), now)
         except StationError as error:
             return Standing(why_none=f"The newest run cannot be read: {error}")
 
-    def _standing(self, newest: RunRecord, manifest: Manifest, now: Now) -> Standing:
+    def _standing(self, run: RunRecord, manifest: Manifest, now: Now) -> Standing:
         if now.stage == RUNNING:
-            return Standing(_fault(newest, manifest), recovery=now.run)
-        why_none = _why_none(newest.state(), manifest)
+            return Standing(_fault(run, manifest), recovery=now.run)
+        why_none = _why_none(run.state(), manifest)
         if why_none:
             return Standing(why_none=why_none)
-        found = newest_recovery(self._data, newest)
-        fault = _fault(newest, manifest)
+        found = newest_recovery(self._data, run)
+        fault = _fault(run, manifest)
         if found is not None and found.has(RESULT):
             result = found.read(Result, RESULT)
             if is_released(result.state, result.left):
@@ -155,7 +161,7 @@ def _why_none(state: str, manifest: Manifest) -> str:
     """Return why there is nothing to recover after a run in this state, '' where there is."""
     if state == RECORDING:
         return "A run is in progress."
-    if state not in NEEDS_ONE:
+    if state not in NEEDS_WAY_BACK:
         return "The newest run ended normally: unloaded, lock open, drive off."
     if manifest.bench.embedded:
         return "The virtual bench ended with its run: there is nothing to recover."

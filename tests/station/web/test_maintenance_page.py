@@ -15,10 +15,11 @@ from pathlib import Path
 
 import pytest
 from browser import needs_browser, opened, playwright
+from lostmotion_command import here
 from patient import ONE_RAMP, short_recipe
 from run_samples import records_of
 from served import LONGEST_S, Served, served
-from station_support import open_database, released
+from station_support import GOLDEN, open_database, released
 
 from definitions.image import State
 
@@ -88,6 +89,9 @@ def test_values_are_live_while_a_run_is_on(station: Served, page: playwright.Pag
     page.wait_for_selector(".lm-limits tr:has-text('Output torque above its trip limit') .lm-share")
     torn_off(station)
     page.wait_for_selector(".lm-not-live")
+    of_another_bench = ("--serial", "W-1", "--virtual-time", "--no-report", "--data", str(station.data))
+    here("run", str(GOLDEN), *of_another_bench)
+    assert list(station.data.glob("*-W-1/result.json"))
 
 
 def test_the_way_back_is_gone_step_by_step_with_the_torque_that_is_left(station: Served, page: playwright.Page) -> None:

@@ -25,12 +25,14 @@ from station.documents.result import Result
 from station.records.chain.chain_file import CREATED_MANIFEST
 from station.records.data_folder import Store
 from station.records.revisions.writing import save_draft
-from station.records.run_record import RESULT
+from station.records.run_record import RESULT, RunRecord
 from station.records.seal import CONCLUDED, seal
+from station.run.way_back.begins_at import LOOKED_INTO
 from station.run.way_back.last_run import last_run_of, why_not_free
 from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web.bad_units import LOOKED_AT, Bad, bad_unit_of, may_be_bad, unconfirmed
+from station.web.bench.way_back import WayBack
 from station.web.labels.outbox import PRINTED, Awaited
 from station.web.languages import words_of
 from station.web.mes.previous_step import PreviousStep
@@ -163,6 +165,19 @@ def test_master_parts_may_always_be_measured_and_a_bad_one_that_failed_is_no_bad
     assert refusals(dataclasses.replace(one, wanted=Wanted("MASTER-BAD"))) == []
 
 
+def recovered(data: Path, fault: str, setup: Setup, state: str = "stopped", lock: str = "open") -> None:
+    """Make a recovery of the bench that a run left."""
+    found = recoveries(data).create("SN-1", dataclasses.replace(setup, recovery_of=fault), {})
+    if state == "recording":
+        return
+    left = LeftState(torque_nm=0.0, torque_known=True, lock=lock, lock_known=True, drive="off", drive_known=True,
+                     release_torque_nm=1.0)  # fmt: skip
+    told = Result(run=found.id, serial="SN-1", recipe=setup.recipe.head, state=state, verdict="NOT DECIDABLE",
+                  reasons=(), metrics=(), left=left)  # fmt: skip
+    found.write_json(RESULT, plain(told))
+    found.update(state=state, files={})
+
+
 @pytest.mark.parametrize(
     ("state", "lock", "allowed"),
     [("stopped", "open", True), ("stopped", "closed", False), ("fault", "open", False), ("recording", "", False)],
@@ -174,14 +189,7 @@ def test_a_bench_is_free_again_when_a_recovery_has_opened_the_lock(
     fault.update(state="fault", files={})
     one = dataclasses.replace(good, data=tmp_path, job=on_a_cable(good.job), last=fault)
     assert [name for name, _ in refusals(one)] == ["bench_recovered"]
-    recovery = recoveries(tmp_path).create("SN-1", dataclasses.replace(SETUP, recovery_of=fault.id), {})
-    if state != "recording":
-        left = LeftState(torque_nm=0.0, torque_known=True, lock=lock, lock_known=True, drive="off", drive_known=True,
-                         release_torque_nm=1.0)  # fmt: skip
-        told = Result(run=recovery.id, serial="SN-1", recipe=SETUP.recipe.head, state=state, verdict="NOT DECIDABLE",
-                      reasons=(), metrics=(), left=left)  # fmt: skip
-        recovery.write_json(RESULT, plain(told))
-        recovery.update(state=state, files={})
+    recovered(tmp_path, fault.id, SETUP, state, lock)
     assert [name for name, _ in refusals(one)] == ([] if allowed else ["bench_recovered"])
 
 
@@ -217,16 +225,39 @@ def test_a_bench_left_wound_up_is_not_free_by_the_runs_of_another_bench(tmp_path
     assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
 
 
-def test_the_page_is_named_for_a_recovery_only_where_it_offers_one(good: Situation) -> None:
-    bench = good.model.model_copy(update={"bench": "b.yaml"})
-    one = dataclasses.replace(good, model=bench, job=on_a_cable(good.job), last=newest("fault"))
-    for ran_last, page in (
-        (newest("fault"), True),
-        (SimpleNamespace(**vars(newest("complete")) | {"id": "R2"}), False),
-    ):
-        ((_, why),) = refusals(dataclasses.replace(one, newest=ran_last))
-        assert ("Maintenance" in why, "recover --bench b.yaml'" in why) == (page, True)
-        assert words_of("de")(why) != why
+@pytest.mark.parametrize(("others", "offered"), [(0, True), (3, True), (LOOKED_INTO, False)])
+def test_the_page_is_named_for_a_recovery_only_where_it_offers_one(
+    good: Situation, tmp_path: Path, others: int, *, offered: bool
+) -> None:
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4"))
+    model = good.model.model_copy(update={"bench": "b.yaml"})
+    one = dataclasses.replace(
+        good, data=tmp_path, model=model, job=on_a_cable(good.job), last=RunRecord(tmp_path / fault)
+    )
+    ((_, why),) = refusals(one)
+    assert ("Maintenance" in why, "recover --bench b.yaml'" in why) == (offered, True)
+    assert words_of("de")(why) != why
+    assert (WayBack(tmp_path).standing().fault is not None) == offered
+
+
+def test_the_page_recovers_each_bench_that_a_fault_left_the_newest_first(tmp_path: Path) -> None:
+    way_back = WayBack(tmp_path)
+    assert way_back.standing().why_none == "No run was made yet."
+    first = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    second = ended(tmp_path, "SN-1", None, "interrupted", bench_of("bench-4"))
+    ended(tmp_path, "W-1", None, "fault", bench_of("bench-5", embedded=True))
+    assert way_back.standing().fault.run == second
+    recovered(tmp_path, second, bench_of("bench-4"))
+    assert (way_back.standing().fault.run, way_back.standing().released) == (second, True), (
+        "its unit is to be taken out"
+    )
+    ended(tmp_path, "SN-2", setup=bench_of("bench-4"))
+    assert (way_back.standing().fault.run, way_back.standing().released) == (first, False)
+    recovered(tmp_path, first, bench_of("bench-3"))
+    ended(tmp_path, "SN-3", setup=bench_of("bench-4"))
+    assert way_back.standing().fault is None
 
 
 def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:

@@ -1,0 +1,69 @@
+"""The run that a recovery begins at, in a folder whose runs are on one bench or on several."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from station.documents.manifest import RECORDING
+from station.errors import StationError
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.run.way_back.last_run import NEEDS_WAY_BACK
+from station.run.way_back.recoveries import FOLDER, recoveries, was_recovered
+
+LOOKED_INTO = 20
+"""Newest runs: a bench that none of them was on has been left alone for so long that a person recovers it by name."""
+
+
+def recovery_begins_at(data: Path) -> RunRecord | None:
+    """Return the run whose bench is to be recovered, or was recovered last; None in a folder without runs.
+
+    That of the newest recovery, while no run came after it. Else the newest run whose bench is still as a fault left
+    it, whatever other benches of the folder did since. Else the newest run.
+    """
+    runs = Store(data).newest(LOOKED_INTO)
+    if not runs:
+        return None
+    last = runs[-1]
+    recovery = next(iter(recoveries(data).newest(1)), None)
+    if recovery is not None and recovery.id > last.id:
+        return _recovered_by(data, recovery) or last
+    return next(_in_need(data, runs), last) if _has_ended(last) else last
+
+
+def _recovered_by(data: Path, recovery: RunRecord | None) -> RunRecord | None:
+    """Return the run that a recovery, or the recovery before it, goes back to."""
+    while recovery is not None:
+        try:
+            before = recovery.manifest().recovery_of
+        except StationError:
+            return None
+        if before is None or before >= recovery.id:
+            return None
+        if (run := Store(data).by_id(before)) is not None:
+            return run
+        recovery = RunRecord(data / FOLDER / before)
+    return None
+
+
+def _in_need(data: Path, runs: list[RunRecord]) -> Iterator[RunRecord]:
+    """Yield the last run of each bench, newest first, where that bench is as a fault left it."""
+    seen: set[str] = set()
+    for run in reversed(runs):
+        try:
+            bench = run.manifest().bench
+            if bench.name in seen:
+                continue
+            seen.add(bench.name)
+            if not bench.embedded and run.state() in NEEDS_WAY_BACK and not was_recovered(data, run):
+                yield run
+        except StationError:
+            continue  # it is told where it is the newest; which bench it was on nobody knows
+
+
+def _has_ended(run: RunRecord) -> bool:
+    try:
+        return run.manifest().state != RECORDING or run.deserted()
+    except StationError:
+        return False

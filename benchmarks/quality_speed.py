@@ -13,6 +13,7 @@ from analysis.line.run_rules import RULE_SETS
 from analysis.trace.errors import AnalysisError
 from benchmarks.plant_store import Question, measure
 from station.quality.figures import capability_of, causes_of, chart_of, trend_of, yield_of
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, Production, production
 from station.store.quality.trial import Rule, flips
 from station.store.quality.values import characteristic
@@ -40,7 +41,7 @@ FIGURES: dict[str, Callable[[Production], object]] = {
     "trend by month": lambda look: trend(look, "month"),
     "trend by shift": lambda look: trend(look, "shift"),
     "limits on trial": lambda look: flips(
-        look, LOT, characteristic(look, LOT, METRIC), Rule(None, 0.51, 0.5), guard_now=None
+        look, LOT, characteristic(look, LOT, METRIC), Rule(None, 0.51, 0.5), judged=GuardBands.of_all(None)
     ),
 }
 """What is asked: counts and trends of all runs, values of the newest 2000 first attempts."""

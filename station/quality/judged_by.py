@@ -16,8 +16,8 @@ from recipes.text.yaml_source import read_bytes
 from station.errors import StationError
 from station.records.revisions.revision import hash_of, text_path
 from station.records.run_record import RECIPE_COPY, RunRecord
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, Production
-from station.store.quality.trial import GuardNow
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 
 MOST_COPIES = 20
@@ -32,16 +32,15 @@ NOT_KNOWN = (
 """Why a run is not counted."""
 
 
-def judged_by(production: Production, lot: Lot) -> GuardNow:
-    """Return the guard band of the newest valid first attempts of a lot: one for all, or that of each recipe known."""
+def judged_by(production: Production, lot: Lot) -> GuardBands:
+    """Return by which guard bands the newest valid first attempts of a lot were judged."""
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest, said=())
     together = (ATTEMPTS.c.chain == runs.c.chain) & (ATTEMPTS.c.run == runs.c.run)
     asked = select(ATTEMPTS.c.recipe_sha256, func.max(runs.c.run)).select_from(runs).join(ATTEMPTS, together)
     newest = production.connection.execute(asked.group_by(ATTEMPTS.c.recipe_sha256)).tuples().all()
     found = {sha256: _recipe(production, sha256, run) for sha256, run in newest}
-    guards = {sha256: guard_of(recipe) for sha256, recipe in found.items() if recipe is not None}
-    one_for_all = set(guards.values())
-    return one_for_all.pop() if len(guards) == len(found) and len(one_for_all) == 1 else guards
+    known = {sha256: guard_of(recipe) for sha256, recipe in found.items() if recipe is not None}
+    return GuardBands(known, unknown=len(found) - len(known))
 
 
 def guard_of(recipe: Recipe) -> float | None:

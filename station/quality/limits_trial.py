@@ -25,8 +25,9 @@ from station.records.revisions.writing import save_draft
 from station.records.run_record import RESULT, RunRecord
 from station.store.plant.meanings import number_of, numbers_of
 from station.store.projection import meaning_of
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, Production
-from station.store.quality.trial import Flip, GuardNow, Rule, TriedSide, flipped, flips, tried_runs, tried_sides
+from station.store.quality.trial import Flip, Rule, TriedSide, flipped, flips, tried_runs, tried_sides
 from station.store.quality.values import Characteristic, ValueRow, characteristic, newest_run, values
 
 LEAST_VALUES = 10
@@ -111,9 +112,9 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
     what = characteristic(production, lot, tried.metric, tried.branch)
     run, before, after, _ = rules_of(production, lot, what, tried)
     check_limits(what.name, after.limit_min, after.limit_max)
-    guard_now = judged_by(production, lot)
-    counts = flips(production, lot, what, after, guard_now=guard_now)
-    unknown = tried_runs(production, lot, what, after, guard_now=guard_now, known=False)
+    judged = judged_by(production, lot)
+    counts = flips(production, lot, what, after, judged=judged)
+    unknown = tried_runs(production, lot, what, after, judged=judged, known=False)
     changing = sum(number for (was, new), number in counts.items() if was != new)
     return Trial(
         lot,
@@ -123,7 +124,7 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
         run,
         sum(counts.values()),
         tuple((was, new, number) for (was, new), number in counts.items()),
-        tuple(flips_with_reasons(production, lot, what, after, most, guard_now=guard_now)),
+        tuple(flips_with_reasons(production, lot, what, after, most, judged=judged)),
         changing,
         tuple(side_risks(side, values(production, lot, what, side), before, after) for side in what.sides),
         not_evaluated=tuple((one.run, NOT_KNOWN) for one in unknown),
@@ -131,10 +132,10 @@ def limits_trial(production: Production, lot: Lot, tried: Tried, most: int = 20)
 
 
 def flips_with_reasons(
-    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, guard_now: GuardNow
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, judged: GuardBands
 ) -> list[Flip]:
     """Return the newest runs that flip, newest first, each with what decides it."""
-    found = flipped(production, lot, what, rule, most, guard_now=guard_now)
+    found = flipped(production, lot, what, rule, most, judged=judged)
     sides = tried_sides(production, what, [one.run for one in found])
     return [one._replace(why=why_by_rule(what, sides[one.run], rule, one.after)) for one in found]
 

@@ -22,6 +22,7 @@ from station.reevaluation.jobs import jobs_for
 from station.reevaluation.ledger import LedgerLine
 from station.reevaluation.question import Question
 from station.reevaluation.run_question import Told, ask_of_jobs
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Flip, tried_runs
 from station.store.quality.values import ValueRow, characteristic, values
@@ -50,7 +51,7 @@ def definition_trial(  # noqa: PLR0917 - what is tried on what, and how
         check_limits(what.name, after.limit_min, after.limit_max)
         check_entry(data, run, recipe, what)
         _, definition = definition_of(recipe, what.metric, tried.definition)
-        rows = tried_runs(look, lot, what, after, guard_now=before.guard_factor)
+        rows = tried_runs(look, lot, what, after, judged=GuardBands.of_all(before.guard_factor))
         there = {side: values(look, lot, what, side) for side in what.sides}
         spread = recipe.metrics[place_of(recipe, what.metric)].max_standard_deviation
     question = Question(change=whole_change(what.metric, after, spread, definition))

@@ -53,9 +53,9 @@ def limits_outcomes(data: Path, question: LimitsQuestion, where: Where) -> Limit
         tried = Tried(question.metric, question.branch, question.minimum, question.maximum, question.guard)
         rule = rules_of(look, lot, what, tried).after
         check_limits(what.name, rule.limit_min, rule.limit_max)
-        guard_now = judged_by(look, lot)
-        rows = tried_runs(look, lot, what, rule, guard_now=guard_now)
-        unknown = tried_runs(look, lot, what, rule, guard_now=guard_now, known=False)
+        judged = judged_by(look, lot)
+        rows = tried_runs(look, lot, what, rule, judged=judged)
+        unknown = tried_runs(look, lot, what, rule, judged=judged, known=False)
         sides = tried_sides(look, what, [one.run for one in rows if one.before != one.after])
     why = {one.run: (why_by_rule(what, sides[one.run], rule, one.after),) for one in rows if one.run in sides}
     found = [

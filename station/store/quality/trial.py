@@ -4,25 +4,22 @@ The rules are those of `analysis.evaluation.verdict`, said in SQL: a test holds 
 
 An evaluation may know more than value and U: a gap, an interrupted ramp or a converted torque that a PASS would owe
 itself to. Where that left a metric not decidable whose value and U would have passed, no limit makes it a PASS here.
-`guard_now` is the guard band, as a multiple of U, by which the stored verdicts were made; None: the simple rule. A lot
-may have runs by several rules: then it is that of each recipe, and a run by another recipe is not known where its
-verdict may owe itself to such a doubt. The other metrics of a run are judged by their own limits and the rule on trial.
+A run by a recipe whose guard band nobody knows is not known where its verdict may owe itself to such a doubt. The other
+metrics of a run are judged by their own limits and the rule on trial.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from sqlalchemy import ColumnElement, Select, and_, case, false, func, literal, null, or_, select, true
 
 from station.store.plant.meanings import numbers_of
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, Production
 from station.store.quality.values import Characteristic, metrics_from
-from station.store.tables import ATTEMPTS, METRICS, RUNS
-
-GuardNow = float | Mapping[str, float | None] | None
-"""The guard band of all runs, or that of each recipe by its SHA-256, as a multiple of U; None: the simple rule."""
+from station.store.tables import METRICS, RUNS
 
 RANKS = {"PASS": 0, "NOT DECIDABLE": 1, "FAIL": 2}
 """Verdicts from the best to the worst: the worst of several is that of all."""
@@ -49,20 +46,20 @@ class Flip(NamedTuple):
 
 
 def flips(
-    production: Production, lot: Lot, what: Characteristic, rule: Rule, *, guard_now: GuardNow
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, *, judged: GuardBands
 ) -> dict[tuple[str, str], int]:
     """Return how many valid first attempts there are of each verdict now and under the rule."""
-    runs = _runs(production, lot, what, rule, guard_now)
+    runs = _runs(production, lot, what, rule, judged)
     asked = select(runs.c.before, runs.c.after, func.count()).group_by(runs.c.before, runs.c.after)
     found = {(before, NAMES[after]): number for before, after, number in production.connection.execute(asked)}
     return dict(sorted(found.items()))
 
 
 def flipped(
-    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, guard_now: GuardNow
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, most: int, *, judged: GuardBands
 ) -> list[Flip]:
     """Return the newest runs that flip, newest first."""
-    runs = _runs(production, lot, what, rule, guard_now)
+    runs = _runs(production, lot, what, rule, judged)
     names = case(NAMES, value=runs.c.after)
     asked = select(runs.c.run, runs.c.serial, runs.c.before, names).where(runs.c.before != names)
     asked = asked.order_by(runs.c.run.desc()).limit(most)
@@ -80,15 +77,15 @@ class TriedRun(NamedTuple):
 
 
 def tried_runs(
-    production: Production, lot: Lot, what: Characteristic, rule: Rule, *, guard_now: GuardNow, known: bool = True
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, *, judged: GuardBands, known: bool = True
 ) -> list[TriedRun]:
     """Return every valid first attempt that has the metric, oldest first.
 
     known: False returns those, and only those, whose verdict under the rule is not known.
     """
-    if not known and not isinstance(guard_now, Mapping):
+    if not known and not judged.differ:
         return []
-    runs = _runs(production, lot, what, rule, guard_now, known=known)
+    runs = _runs(production, lot, what, rule, judged, known=known)
     together = (RUNS.c.chain == production.chain.id) & (RUNS.c.run == runs.c.run)
     columns = (
         runs.c.run,
@@ -124,33 +121,28 @@ def tried_sides(production: Production, what: Characteristic, runs: Sequence[str
 
 
 def _runs(
-    production: Production, lot: Lot, what: Characteristic, rule: Rule, guard_now: GuardNow, *, known: bool = True
+    production: Production, lot: Lot, what: Characteristic, rule: Rule, judged: GuardBands, *, known: bool = True
 ) -> Any:
     """Return a table of the runs that have the metric: their verdict, and the rank of the one under the rule."""
     runs = production.chosen(lot, RUNS.c.valid, newest=lot.newest)
     this = METRICS.c.meaning.in_(numbers_of(what.meaning))
-    was = _guard_now(guard_now)
-    rank = rank_under(rule)
+    was, rank = judged.band(), rank_under(rule)
     limited = rule.limit_min is not None or rule.limit_max is not None
     rank = _or_undecided(_is_doubted(was), rank) if limited else rank
     new = func.max(case((this, rank), else_=null()))
-    others = func.max(case((~this, _rank_of_other(rule, guard_now, was)), else_=null()))
-    several = isinstance(guard_now, Mapping)
-    nowhere = and_(_no_recipe(guard_now), _is_doubted(literal(0.0)), or_(~this, literal(limited)))
-    hidden = func.max(case((nowhere, 1), else_=0)) if several else literal(0)
+    others = func.max(case((~this, _rank_of_other(rule, judged, was)), else_=null()))
+    nowhere = and_(judged.is_unknown(), _is_doubted(literal(0.0)), or_(~this, literal(limited)))
+    hidden = func.max(case((nowhere, 1), else_=0))
     oldest = production.oldest_of(lot, RUNS.c.valid, newest=lot.newest)
     together = (METRICS.c.chain == runs.c.chain) & (METRICS.c.run == runs.c.run)
     columns = (runs.c.run, runs.c.serial, new.label("new"), func.coalesce(others, 0).label("others"))
     grouped: Select[Any] = select(*columns, hidden.label("hidden")).select_from(runs).join(METRICS, together)
-    if several:
-        grouped = grouped.join(ATTEMPTS, (ATTEMPTS.c.chain == runs.c.chain) & (ATTEMPTS.c.run == runs.c.run))
-    of = grouped.where(metrics_from(production, oldest)).group_by(runs.c.run, runs.c.serial).subquery()
+    grouped = judged.with_recipes(grouped, runs).where(metrics_from(production, oldest))
+    of = grouped.group_by(runs.c.run, runs.c.serial).subquery()
     after = case((of.c.new > of.c.others, of.c.new), else_=of.c.others)
     asked = select(of.c.run, of.c.serial, RUNS.c.verdict.label("before"), after.label("after"))
     asked = asked.select_from(of).join(RUNS, (RUNS.c.chain == production.chain.id) & (RUNS.c.run == of.c.run))
-    asked = asked.where(RUNS.c.run >= oldest)
-    if several:
-        asked = asked.where(of.c.hidden == (0 if known else 1))
+    asked = asked.where(RUNS.c.run >= oldest, of.c.hidden == (0 if known else 1))
     return asked.where(of.c.new.is_not(None)).subquery()
 
 
@@ -158,40 +150,16 @@ def _rank_now() -> ColumnElement[Any]:
     return case(RANKS, value=METRICS.c.verdict)
 
 
-def _guard_now(guard_now: GuardNow) -> ColumnElement[Any]:
-    """Return the guard band by which a side was judged, in its unit; NULL where that is not known."""
-    if not isinstance(guard_now, Mapping):
-        return literal(0.0) if guard_now is None else guard_now * METRICS.c.uncertainty
-    bands = {factor or 0.0: _by_recipes(guard_now, factor) for factor in guard_now.values()}
-    there = [(of, factor * METRICS.c.uncertainty if factor else literal(0.0)) for factor, of in bands.items()]
-    return case(*there, else_=null()) if there else null()
-
-
-def _by_recipes(guard_now: Mapping[str, float | None], factor: float | None) -> ColumnElement[bool]:
-    """Whether a run is by one of the recipes with a guard band; 0 is the simple rule."""
-    of = [sha256 for sha256, one in guard_now.items() if (one or 0.0) == (factor or 0.0)]
-    return ATTEMPTS.c.recipe_sha256.in_(of)
-
-
-def _no_recipe(guard_now: GuardNow) -> ColumnElement[bool]:
-    return ~ATTEMPTS.c.recipe_sha256.in_(list(guard_now)) if isinstance(guard_now, Mapping) else false()
-
-
-def _rank_of_other(rule: Rule, guard_now: GuardNow, was: ColumnElement[Any]) -> ColumnElement[Any]:
+def _rank_of_other(rule: Rule, judged: GuardBands, was: ColumnElement[Any]) -> ColumnElement[Any]:
     """Return the rank of a side of another metric by its own limits and the rule on trial.
 
     By the rule that it was judged by it is the stored one. A value that failed within its limits did so by its spread.
     """
     here = METRICS.c
-    several = isinstance(guard_now, Mapping)
-    if not several and guard_now == rule.guard_factor:
-        return _rank_now()
     again = rank_by(here.limit_min, here.limit_max, rule.guard_factor)
     unlimited = and_(here.limit_min.is_(None), here.limit_max.is_(None))
     by_spread = and_(here.verdict == "FAIL", _is_within(literal(0.0)))
-    stays: ColumnElement[bool] = or_(here.verdict.is_(None), unlimited, by_spread)
-    if isinstance(guard_now, Mapping):
-        stays = or_(stays, _by_recipes(guard_now, rule.guard_factor))
+    stays = or_(here.verdict.is_(None), unlimited, by_spread, judged.is_judged_by(rule.guard_factor))
     return case((stays, _rank_now()), else_=_or_undecided(_is_doubted(was), again))
 
 

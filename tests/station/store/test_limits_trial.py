@@ -26,6 +26,7 @@ from station.records.revisions.history import History
 from station.records.revisions.revision import State
 from station.records.run_record import RESULT
 from station.reevaluation.definition_trial import definition_trial
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips, tried_runs
 from station.store.quality.values import ValueRow, characteristic
@@ -33,7 +34,7 @@ from station.store.quality.values import ValueRow, characteristic
 COUNT = 1000
 LOT = Lot(recipe="small")
 QUICK, SPRINGS = "rv-40e-121-quick", ("spring_constant three_region", "spring_constant")
-NOW: float | None = 0.82
+NOW = GuardBands.of_all(0.82)
 """The guard band by which the verdicts of these runs were made, as a multiple of U."""
 
 
@@ -81,8 +82,8 @@ def test_flips_are_those_of_judging_each_run_alone(
     rule = RULES[name]
     with production(folder) as look:
         what = characteristic(look, LOT, metric_id)
-        counts, runs = flips(look, LOT, what, rule, guard_now=NOW), flipped(look, LOT, what, rule, COUNT, guard_now=NOW)
-        every = tried_runs(look, LOT, what, rule, guard_now=NOW)
+        counts, runs = flips(look, LOT, what, rule, judged=NOW), flipped(look, LOT, what, rule, COUNT, judged=NOW)
+        every = tried_runs(look, LOT, what, rule, judged=NOW)
     expected: Counter[tuple[str, str]] = Counter()
     named = {}
     for run, result in results.items():
@@ -100,7 +101,7 @@ def test_a_flip_names_what_decides_it(folder: Path, results: dict[str, Result], 
     rule = RULES[name]
     with production(folder) as look:
         what = characteristic(look, LOT, "lost_motion")
-        found = flips_with_reasons(look, LOT, what, rule, COUNT, guard_now=NOW)
+        found = flips_with_reasons(look, LOT, what, rule, COUNT, judged=NOW)
     words = {"FAIL": "is beyond", "NOT DECIDABLE": "is too near", "PASS": "is within"}
     for one in found:
         own = next(metric for metric in results[one.run].metrics if metric.id == "lost_motion")
@@ -120,11 +121,11 @@ def test_a_value_without_uncertainty_is_not_decidable_by_a_guard_band(tmp_path: 
         store_run(tmp_path, f"U{number}", [metric(0.5, uncertainty=u, sides={"+": side})], day=number)
     with production(tmp_path) as look:
         what = characteristic(look, Lot(), "lost_motion")
-        assert flips(look, Lot(), what, Rule(None, 1.0, 0.82), guard_now=NOW) == {
+        assert flips(look, Lot(), what, Rule(None, 1.0, 0.82), judged=NOW) == {
             ("PASS", "PASS"): 1,
             ("PASS", "NOT DECIDABLE"): 1,
         }
-        assert flips(look, Lot(), what, Rule(None, 1.0, None), guard_now=NOW) == {("PASS", "PASS"): 2}
+        assert flips(look, Lot(), what, Rule(None, 1.0, None), judged=NOW) == {("PASS", "PASS"): 2}
 
 
 @pytest.mark.parametrize(
@@ -139,9 +140,10 @@ def test_a_doubt_beyond_value_and_u_is_not_undone_by_a_limit(
     store_run(tmp_path, "U1", [one], reasons=["lost_motion: it would pass by a gap alone"])
     with production(tmp_path) as look:
         what = characteristic(look, Lot(), "lost_motion")
-        assert list(flips(look, Lot(), what, Rule(None, 1.2, 0.82), guard_now=before)) == [("NOT DECIDABLE", after)]
-        assert list(flips(look, Lot(), what, Rule(None, 0.4, 0.82), guard_now=before)) == [("NOT DECIDABLE", "FAIL")]
-        assert list(flips(look, Lot(), what, Rule(None, None, None), guard_now=before)) == [("NOT DECIDABLE", "PASS")]
+        judged = GuardBands.of_all(before)
+        assert list(flips(look, Lot(), what, Rule(None, 1.2, 0.82), judged=judged)) == [("NOT DECIDABLE", after)]
+        assert list(flips(look, Lot(), what, Rule(None, 0.4, 0.82), judged=judged)) == [("NOT DECIDABLE", "FAIL")]
+        assert list(flips(look, Lot(), what, Rule(None, None, None), judged=judged)) == [("NOT DECIDABLE", "PASS")]
 
 
 def test_what_was_tried_becomes_a_draft(golden_run: Any, tmp_path: Path) -> None:

@@ -128,7 +128,7 @@ def test_one_copy_of_a_recipe_tells_the_rule_of_all_runs_by_it(tmp_path: Path) -
     runs = [store(tmp_path, f"OLD{number}", GUARDED, [of(0.98, UNDECIDED)], number) for number in range(3)]
     store(tmp_path, "NEW", SIMPLE, [of(0.5, "PASS")], 5)
     with production(tmp_path) as look:
-        assert sorted(judged_by(look, Lot()).values(), key=str) == [FACTOR, None]
+        assert sorted(judged_by(look, Lot()).by_recipe.values(), key=str) == [FACTOR, None]
     (runs[1].folder / "recipe.yaml").unlink()
     (runs[2].folder / "recipe.yaml").write_bytes(SIMPLE)
     found = trial(tmp_path, Tried("lost_motion", limit_max=1.02))

@@ -39,6 +39,7 @@ from station.store.places import FILE, STORE_URL, StorePlace, network_type, stor
 from station.store.plant.months import is_partition
 from station.store.projection import seen_files
 from station.store.quality.counts import GROUPINGS, Verdicts
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips
 from station.store.quality.values import characteristic
@@ -441,10 +442,11 @@ def test_quality_figures_are_formed_on_both_databases(lot: Path) -> None:
         with pytest.raises(AnalysisError, match="found 1"):
             trend_of(look, asked, "lost_motion", "bench")
         what = characteristic(look, asked, "lost_motion")
-        assert flips(look, asked, what, Rule(None, 0.4, None), guard_now=None) == {
+        simple = GuardBands.of_all(None)
+        assert flips(look, asked, what, Rule(None, 0.4, None), judged=simple) == {
             ("PASS", "FAIL"): 2, ("PASS", "NOT DECIDABLE"): 1, ("PASS", "PASS"): 4,
         }  # fmt: skip
-        assert [one.serial for one in flipped(look, asked, what, Rule(None, 0.4, None), 9, guard_now=None)] == [
+        assert [one.serial for one in flipped(look, asked, what, Rule(None, 0.4, None), 9, judged=simple)] == [
             "U7",
             "U3",
             "U1",

@@ -18,6 +18,7 @@ from station.store.engine import HEAD
 from station.store.outbox import rebuild
 from station.store.plant.hours import count_all_hours
 from station.store.quality.counts import FailedMetric, failures, undecided
+from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flips, tried_runs
 from station.store.quality.values import characteristic
@@ -120,9 +121,9 @@ def test_limits_on_trial_take_no_doubt_from_the_other_side(tmp_path: Path) -> No
     with production(tmp_path) as look:
         what = characteristic(look, Lot(), "lost_motion")
         for rule in (Rule(None, 1.1, 0.82), Rule(None, 1.1, None)):
-            assert flips(look, Lot(), what, rule, guard_now=0.82) == {(UNDECIDED, "PASS"): 1}
+            assert flips(look, Lot(), what, rule, judged=GuardBands.of_all(0.82)) == {(UNDECIDED, "PASS"): 1}
         beside = characteristic(look, Lot(), "windup")
-        (run,) = tried_runs(look, Lot(), beside, Rule(None, 2.0, 0.82), guard_now=0.82)
+        (run,) = tried_runs(look, Lot(), beside, Rule(None, 2.0, 0.82), judged=GuardBands.of_all(0.82))
     assert run.after == UNDECIDED, "the other metric is not decidable by its other side"
 
 

@@ -37,8 +37,12 @@ FEW_RUNS = 5_000
 ONE_AT_A_TIME = 7_362_514_220
 """Number of the advisory lock by which writers on PostgreSQL take turns."""
 
+KEPT, MORE = 1, 9
+"""Connections to a server that are kept, and how many more there are at a time: a server allows a hundred as a rule,
+and forty benches may share it."""
+
 KEPT_S = 900
-"""How old a connection that is kept may become: what it remembers of all partitions takes memory of the server."""
+"""How old a kept connection may become: what it remembers of all partitions takes memory of the server."""
 
 
 class StoreError(StationError):
@@ -196,7 +200,9 @@ def _engine(url: str) -> Engine:
         engine = create_engine(place, connect_args={"timeout": BUSY_S})
     else:
         connect = {"connect_timeout": int(BUSY_S)}
-        engine = create_engine(place, connect_args=connect, pool_pre_ping=True, pool_recycle=KEPT_S)
+        engine = create_engine(
+            place, connect_args=connect, pool_pre_ping=True, pool_recycle=KEPT_S, pool_size=KEPT, max_overflow=MORE
+        )
     if url.startswith("sqlite"):
         event.listen(engine, "connect", _set_up_sqlite)
         event.listen(engine, "begin", _begin_sqlite)

@@ -186,17 +186,3 @@ def runs_named(connection: Connection, chain: Chain, runs: Iterable[str]) -> dic
         asked = asked.where(RUNS.c.run.in_(wanted))
     rows = map(StoredRun._make, connection.execute(asked).all())
     return {row.run: row for row in rows if row.run in wanted}
-
-
-def values_of(connection: Connection, chain: Chain, column: str) -> tuple[str, ...]:
-    """Return the different values of a column with an index, in order, by a step in it for each.
-
-    A plain statement for them takes as long as there are runs.
-    """
-    least = func.min(RUNS.c[column]).label("value")
-    of_chain = RUNS.c.chain == chain.id
-    steps = select(least).where(of_chain, RUNS.c[column] > "").cte("steps", recursive=True)
-    further = select(least).where(of_chain, RUNS.c[column] > steps.c.value).scalar_subquery()
-    steps = steps.union_all(select(further).where(steps.c.value.is_not(None)))
-    asked = select(steps.c.value).where(steps.c.value.is_not(None)).order_by(steps.c.value)
-    return tuple(map(str, connection.execute(asked).scalars()))

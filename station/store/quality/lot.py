@@ -21,7 +21,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.store.outbox import catch_up
 from station.store.plant.hours import COMPLETE, FIRST_ATTEMPT, between_hours, whole_hours
-from station.store.stored_runs import NO_LIMIT, is_trusted, values_of
+from station.store.stored_runs import NO_LIMIT, is_trusted, total_of
 from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
 
@@ -167,7 +167,8 @@ class Production:
 
     def choices(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return all recipes and models of the folder."""
-        return values_of(self.connection, self.chain, "recipe"), values_of(self.connection, self.chain, "model")
+        total = total_of(self.connection, self.chain)
+        return total.recipes, total.models
 
     def refuse_empty(self, lot: Lot) -> None:
         """Refuse a lot without a run, saying whether there are runs of the other kind.

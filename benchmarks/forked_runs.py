@@ -41,10 +41,14 @@ class Forked:
 
     def poll(self) -> int | None:
         """Return 0 when it has ended, None before: nobody asks how."""
-        if not self._over and select.select([self._handle], [], [], 0.0)[0]:
-            os.close(self._handle)
-            self._over = True
+        if not self._over:
+            look = select.poll()
+            look.register(self._handle, select.POLLIN)
+            self._over = bool(look.poll(0))
         return 0 if self._over else None
+
+    def __del__(self) -> None:
+        os.close(self._handle)
 
 
 class ForkedRuns:

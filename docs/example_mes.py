@@ -40,10 +40,16 @@ class Results:
             if key in self._keys:
                 return
             with self._file.open("a", encoding="utf-8") as out:
-                out.write(json.dumps({"key": key, "message": message}) + "\n")
+                row = {"key": key, "may_ship": may_ship(message), "message": message}
+                out.write(json.dumps(row) + "\n")
                 out.flush()
                 os.fsync(out.fileno())
             self._keys.add(key)
+
+
+def may_ship(message: dict) -> bool:
+    """Say whether a unit passed: nothing simulated, no master part, no faults injected, and a record as it was sealed."""
+    return message["verdict"] == "PASS" and message["not_a_product"] == [] and message["altered"] == []
 
 
 def is_signed(secret: bytes, timestamp: str, body: bytes, signature: str, now_s: float) -> bool:

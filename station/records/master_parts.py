@@ -14,7 +14,7 @@ from station.documents.manifest import MASTER, Manifest, VerdictName
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RESULT, RunRecord
+from station.records.run_record import RESULT, RunRecord, only_simulated
 from station.records.seal import alterations
 
 COMPLETE = "complete"
@@ -96,13 +96,14 @@ def _proves(run: RunRecord, part: MasterPart) -> str:
 
 
 def _newest(store: Store, bench: str, serial: str) -> tuple[RunRecord, Manifest] | None:
-    """Return the newest run of a serial number that came to its end on a bench, without injected faults."""
+    """Return the newest run of a serial number that used a bench and came to its end, without injected faults."""
     for run in reversed(store.named_by(serial)):
         try:
             manifest = run.manifest()
         except StationError:
             continue
         whole = manifest.state == COMPLETE and manifest.scenario is None and manifest.recovery_of is None
+        whole &= not only_simulated(manifest)
         if whole and manifest.serial == serial and manifest.bench.name == bench:
             return run, manifest
     return None

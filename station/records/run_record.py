@@ -29,6 +29,7 @@ from station.documents.entries import Plain, plain
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
 from station.documents.reading import NEXT_STEP, Document, read_document
 from station.errors import RecordError
+from station.records.clocks import VIRTUAL, clock_of
 from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock
 from station.records.samples.layout import CURRENT, LAYOUT, Layout, layout_in
@@ -184,3 +185,19 @@ class RunRecord:
         manifest = self.manifest()
         supervisor = manifest.desk
         return manifest.state == RECORDING and process_birth(supervisor.pid) != supervisor.birth
+
+
+def only_simulated(run: Manifest) -> bool:
+    """Whether a run named a real bench and used nothing of it: in virtual time its devices are simulated.
+
+    Such a run says nothing of how the bench is, what it can measure, or how it was left.
+    """
+    return not run.bench.embedded and clock_of(run.clock) == VIRTUAL
+
+
+def was_simulated(record: RunRecord) -> bool:
+    """Whether a run's own word is that it was `only_simulated`; False where that cannot be read."""
+    try:
+        return only_simulated(record.manifest())
+    except RecordError:
+        return False

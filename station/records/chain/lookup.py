@@ -110,6 +110,12 @@ def last_begun_on_each_bench(data: Path) -> dict[str, str]:
     return {str(one.fields["bench"]): str(one.fields["run"]) for one in entries if one.signed}
 
 
+def begun_on_bench(data: Path, sha256: str) -> list[str]:
+    """Return the runs that were begun with a text of a bench file, oldest first; RecordError as above."""
+    found = (entry_of(line) for line in _lines_with(data / CHAIN, b',"bench":' + text_in_line(sha256)))
+    return [str(one.fields["run"]) for one in found if one is not None and one.kind == CREATED and one.signed]
+
+
 def _counting(data: Path, token: bytes) -> list[Entry]:
     found = [entry for line in _lines_with(data / CHAIN, token) if (entry := entry_of(line)) is not None]
     keys = trust_of(Chain(data)).keys if found else frozenset()

@@ -8,7 +8,7 @@ from pathlib import Path
 from station.documents.manifest import RECORDING
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
+from station.records.run_record import RunRecord, was_simulated
 from station.run.way_back.last_run import NEEDS_WAY_BACK
 from station.run.way_back.recoveries import FOLDER, recoveries, was_recovered
 
@@ -20,12 +20,14 @@ def recovery_begins_at(data: Path) -> RunRecord | None:
     """Return the run whose bench is to be recovered, or was recovered last; None in a folder without runs.
 
     That of the newest recovery, while no run came after it. Else the newest run whose bench is still as a fault left
-    it, whatever other benches of the folder did since. Else the newest run.
+    it, whatever other benches of the folder did since. Else the newest run. Runs that only simulated
+    a bench do not count.
     """
-    runs = Store(data).newest(LOOKED_INTO)
-    if not runs:
+    newest = Store(data).newest(LOOKED_INTO)
+    if not newest:
         return None
-    last = runs[-1]
+    runs = [run for run in newest if not was_simulated(run)]
+    last = runs[-1] if runs else newest[-1]
     recovery = next(iter(recoveries(data).newest(1)), None)
     if recovery is not None and recovery.id > last.id:
         return _recovered_by(data, recovery) or last

@@ -8,9 +8,9 @@ from pathlib import Path
 from station.bench.request import Job
 from station.errors import RecordError, StationError
 from station.records.chain.entries import SEALED, Entry
-from station.records.chain.lookup import entries_of_run, last_begun_on_each_bench
+from station.records.chain.lookup import begun_on_bench, entries_of_run, last_begun_on_each_bench
 from station.records.newest_runs import KnownRun, newest_runs
-from station.records.run_record import RunRecord
+from station.records.run_record import RunRecord, only_simulated, was_simulated
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 
 NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
@@ -44,7 +44,8 @@ class LastRun(RunRecord):
 def last_run_of(data: Path, job: Job) -> RunRecord | None:
     """Return the newest run on the bench of a job; None where there is none.
 
-    One whose run.json cannot be read may be of this bench, unless a later one is: it counts.
+    One whose run.json cannot be read may be of this bench, unless a later one is: it counts. One in virtual time on a
+    real bench's file was not on it, where its run.json is as it was sealed.
 
     Raises:
         StationError: the chain of the folder cannot be read.
@@ -54,7 +55,8 @@ def last_run_of(data: Path, job: Job) -> RunRecord | None:
         if _may_be_on(run, job):
             return LastRun(run.record.folder, run.sealed)
     begun = last_begun_on_each_bench(data)
-    own = max((run for run in begun.values() if _is_on(RunRecord(data / run), job)), default="")
+    files = [sha256 for sha256, run in begun.items() if _is_on(RunRecord(data / run), job)]
+    own = max((_last_used(data, sha256) for sha256 in files), default="")
     if not own:
         return None
     sealed = (one for one in entries_of_run(data, own) if one.kind == SEALED)
@@ -85,7 +87,17 @@ def why_not_free(data: Path, run: RunRecord, what_to_do: str) -> str:
     return f"Run {run.id} ended with '{state}'. {what_to_do}"
 
 
+def _last_used(data: Path, bench_sha256: str) -> str:
+    """Return the last run with this text of a bench file that used the bench, '' for none."""
+    for run in reversed(begun_on_bench(data, bench_sha256)):
+        if not was_simulated(RunRecord(data / run)):
+            return run
+    return ""
+
+
 def _may_be_on(run: KnownRun, job: Job) -> bool:
+    if (known := run.sound()) is not None and only_simulated(known):
+        return False
     if run.created is not None and run.created.fields["bench"] == job.bench_source.sha256:
         return True
     return _is_on(run.record, job) if run.can_be_read() else run.created is None or run.here

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import islice
 from pathlib import Path
 from threading import Lock
 
@@ -12,7 +13,8 @@ from recipes import RecipeError
 from station.bench.request import stored_job
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
+from station.records.run_record import RunRecord, was_simulated
+from station.run.way_back.begins_at import LOOKED_INTO
 from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web.bench.jogging import Jogging
@@ -62,7 +64,8 @@ class BenchWatch:
         return self.way_back.standing()
 
     def _left(self) -> Seen:
-        there = [*Store(self._data).newest(1), *recoveries(self._data).newest(1)]
+        used = (run for run in islice(Store(self._data).newest_first(), LOOKED_INTO) if not was_simulated(run))
+        there = [*islice(used, 1), *recoveries(self._data).newest(1)]
         if not there:
             return self._kept
         newest = max(there, key=lambda run: run.id)

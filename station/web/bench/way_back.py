@@ -22,7 +22,7 @@ from station.documents.manifest import RECORDING, Manifest
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import BENCH_COPY, RESULT, RunRecord
+from station.records.run_record import BENCH_COPY, RESULT, RunRecord, only_simulated
 from station.run.way_back.begins_at import recovery_begins_at
 from station.run.way_back.last_run import NEEDS_WAY_BACK
 from station.run.way_back.recoveries import FOLDER, is_released, newest_recovery
@@ -163,7 +163,7 @@ def _why_none(state: str, manifest: Manifest) -> str:
         return "A run is in progress."
     if state not in NEEDS_WAY_BACK:
         return "The newest run ended normally: unloaded, lock open, drive off."
-    if manifest.bench.embedded:
+    if manifest.bench.embedded or only_simulated(manifest):
         return "The virtual bench ended with its run: there is nothing to recover."
     return ""
 

@@ -12,7 +12,7 @@ import hashlib
 import hmac
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
@@ -22,9 +22,12 @@ import httpx
 from sqlalchemy import Connection, func, insert, select, update
 
 from station.documents.entries import plain
+from station.documents.manifest import Manifest
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.entries import Fields
+from station.records.run_record import RunRecord
+from station.reports.headline import manifest_badges
 from station.results.sealed_runs import result_of
 from station.wall_clock import WALL_CLOCK, now_text
 from station.web.mes.previous_step import heard
@@ -45,11 +48,20 @@ ALIVE_SHARE = 3
 
 LONGEST_REASON = 200
 
+NOT_A_PRODUCT: dict[str, Callable[[Manifest], object]] = {
+    "simulated": manifest_badges,
+    "faults_injected": lambda run: run.scenario,
+    "master_part": lambda run: run.unit.master,
+    "study": lambda run: run.study,
+}
+"""Why the verdict of a run is not that of a product: a virtual unit or bench, faults, a master part, a guided study."""
+
 
 @dataclass(frozen=True)
 class SealedRun:
     """What the MES is told of a run: the chain's own words, its result where that is as it was sealed, and the trail.
 
+    not_a_product: why the verdict is not that of a product, of `NOT_A_PRODUCT`; None where the record cannot be read.
     altered: why no result is told; none where it is. audit: lines and hash of the audit trail as the run was collected.
     """
 
@@ -58,12 +70,21 @@ class SealedRun:
     attempt: int
     state: str
     verdict: str | None
+    not_a_product: tuple[str, ...] | None
     sha256: str
     sealed_at: str
     result: Result | None
     altered: tuple[str, ...]
     audit: audit.Head
     kind: str = RESULT_SEALED
+
+
+class _Record(NamedTuple):
+    """What a message says of the record of a run, as `SealedRun`."""
+
+    altered: tuple[str, ...]
+    result: Result | None
+    not_a_product: tuple[str, ...] | None
 
 
 class Waiting(NamedTuple):
@@ -99,14 +120,23 @@ def collect(database: StationDatabase, data: Path) -> int:
         StationError: the chain or the database cannot be read.
 
     """
-    return len(read_on(database, data, WEBHOOKS_READ, lambda fields: result_of(data, fields["run"]), _put))
+    return len(read_on(database, data, WEBHOOKS_READ, lambda fields: _read(data, fields["run"]), _put))
 
 
-def _put(connection: Connection, messages: Sequence[tuple[Fields, tuple[Sequence[str], Result | None]]]) -> None:
+def _read(data: Path, run: str) -> _Record:
+    altered, result = result_of(data, run)
+    try:
+        manifest = RunRecord(data / run).manifest()
+    except StationError:
+        return _Record(tuple(altered), result, None)
+    return _Record(tuple(altered), result, tuple(name for name, applies in NOT_A_PRODUCT.items() if applies(manifest)))
+
+
+def _put(connection: Connection, messages: Sequence[tuple[Fields, _Record]]) -> None:
     head = audit.head_of(connection)
-    for fields, (altered, result) in messages:
+    for fields, record in messages:
         told = {name: fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
-        message = SealedRun(**told, sealed_at=fields["time"], result=result, altered=tuple(altered), audit=head)
+        message = SealedRun(**told, **record._asdict(), sealed_at=fields["time"], audit=head)
         key = f"{RESULT_SEALED}:{message.run}:{message.sha256[:16]}"
         if connection.execute(select(WEBHOOKS.c.number).where(WEBHOOKS.c.key == key)).first() is None:
             body = json.dumps(plain(message), ensure_ascii=False, sort_keys=True)

@@ -35,6 +35,9 @@ from station.store.places import network_type
 
 FILE = "station.sqlite3"
 LOCK = "station.lock"
+CACHE_KIB = 512
+"""Pages that a connection keeps: each thread of the server has one, and the system keeps the file for all of them."""
+
 BUSY_S = 5.0
 ONLY_READS = "lostmotion_only_reads"
 METADATA = MetaData()
@@ -334,5 +337,6 @@ def _set_up(connection: Any, _record: object) -> None:
     cursor = connection.cursor()
     cursor.execute("PRAGMA journal_mode = WAL")
     cursor.execute("PRAGMA synchronous = FULL")
+    cursor.execute(f"PRAGMA cache_size = -{CACHE_KIB}")
     cursor.execute("PRAGMA secure_delete = ON")  # what is deleted here was somebody's password or session
     cursor.close()

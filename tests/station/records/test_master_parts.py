@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -25,6 +26,7 @@ from station.records.master_parts import (
     master_parts,
     to_do_with_part,
 )
+from station.records.seal import seal
 
 GOOD = MasterPart(serial="MASTER-1", expect="PASS", every_s=86400.0)
 BAD = MasterPart(serial="MASTER-2", expect="FAIL", every_s=8 * 3600.0)
@@ -108,6 +110,17 @@ def test_the_newest_run_counts_and_none_with_faults_or_of_another_bench(tmp_path
     (found,) = master_parts(Store(tmp_path), bench_with(GOOD), moment(tmp_path) + timedelta(hours=1))
     assert not found.in_order
     assert "altered" in found.text
+
+
+@pytest.mark.parametrize(("clock", "counts"), [("virtual", False), ("wall", True)])
+def test_a_master_part_that_was_simulated_says_nothing_of_the_bench(
+    tmp_path: Path, clock: str, *, counts: bool
+) -> None:
+    real = replace(SETUP, bench=replace(SETUP.bench, embedded=False), clock=clock)
+    run = Store(tmp_path).create(GOOD.serial, real, {})
+    seal(run, state="complete", verdict="PASS")
+    (found,) = master_parts(Store(tmp_path), bench_with(GOOD), moment(tmp_path) + timedelta(hours=1))
+    assert ("never" not in found.text) == counts
 
 
 def test_a_master_part_is_no_unit_of_the_line(tmp_path: Path) -> None:

@@ -20,12 +20,15 @@ import pytest
 from lostmotion_command import ROOT, here
 from served import prepared, served
 from sqlalchemy import select, update
+from station_samples import SETUP
 from station_support import client_of
 
 from recipes import RecipeError
+from station.documents.manifest import StudyPlace
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN
-from station.records.data_folder import check_note
+from station.records.data_folder import Store, check_note
+from station.records.seal import seal
 from station.web.mes import outbox
 from station.web.mes.outbox import Sender, collect, signature
 from station.web.mes.previous_step import PreviousStep
@@ -184,6 +187,7 @@ def test_messages_come_once_and_in_order_of_a_serial_though_the_mes_refuses_and_
     message = kept(keep)[0]["message"]
     assert (message["serial"], message["verdict"], message["result"]) == ("SN-1", "PASS", None)
     assert message["altered"], "there is no such folder, and that is told in place of its result"
+    assert (message["not_a_product"], kept(keep)[0]["may_ship"]) == (None, False)
     assert len(message["audit"]["head_sha256"]) == 64
     assert client_of(plant, "operator").http.get("/api/now").json()["webhooks"] == {"waiting": 0, "last_error": ""}
 
@@ -316,9 +320,34 @@ def test_the_cable_of_the_mes_is_cut_in_mid_run_and_the_server_killed(tmp_path: 
     message = only["message"]
     assert (message["run"], message["verdict"], message["altered"]) == (ended["run"], "PASS", [])
     assert message["result"]["run"] == ended["run"]
+    assert (message["not_a_product"], only["may_ship"]) == (["simulated"], False), "a PASS of the virtual bench"
     assert not any(note.startswith("unverified") for note in message["result"]["notes"])
     assert len(here("list", "--data", str(data), "--json").json) == 1
     assert here("verify", "--data", str(data)).exit_code == 0
+
+
+def test_what_is_no_product_says_why(plant: Station) -> None:
+    real = dataclasses.replace(SETUP, bench=dataclasses.replace(SETUP.bench, embedded=False), clock="wall")
+    unit = dataclasses.replace
+    study = StudyPlace(name="gage", plan="0" * 64, step=1, steps=30)
+    made = {
+        (): real,
+        ("simulated",): dataclasses.replace(real, clock="virtual"),
+        ("faults_injected",): dataclasses.replace(real, scenario="scenario.yaml"),
+        ("master_part",): dataclasses.replace(real, unit=unit(real.unit, master="PASS")),
+        ("study",): dataclasses.replace(real, study=study),
+        ("simulated", "master_part"): dataclasses.replace(real, unit=unit(real.unit, virtual="P1", master="PASS")),
+    }
+    outbox.begin_here(plant.database, plant.data)
+    for number, setup in enumerate(made.values()):
+        seal(Store(plant.data).create(f"SN-{number}", setup, {}), state="complete", verdict="PASS")
+    assert collect(plant.database, plant.data) == len(made)
+    with plant.database.reading() as connection:
+        bodies = connection.execute(select(WEBHOOKS.c.body).order_by(WEBHOOKS.c.number)).scalars()
+        messages = [json.loads(body) for body in bodies]
+    assert [tuple(one["not_a_product"]) for one in messages] == list(made)
+    assert {name for names in made for name in names} == set(outbox.NOT_A_PRODUCT)
+    assert [example().may_ship(one) for one in messages] == [names == () for names in made]
 
 
 def test_a_sender_that_never_began_is_closed(plant: Station) -> None:

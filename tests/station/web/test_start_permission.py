@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 import shutil
 from datetime import timedelta
 from pathlib import Path
@@ -23,6 +24,7 @@ from station.documents.events import LeftState
 from station.documents.manifest import BenchSource, EarlierAttempt, Setup
 from station.documents.result import Result
 from station.records.chain.chain_file import CREATED_MANIFEST
+from station.records.clocks import VIRTUAL
 from station.records.data_folder import Store
 from station.records.revisions.writing import save_draft
 from station.records.run_record import RESULT, RunRecord
@@ -258,6 +260,35 @@ def test_the_page_recovers_each_bench_that_a_fault_left_the_newest_first(tmp_pat
     recovered(tmp_path, first, bench_of("bench-3"))
     ended(tmp_path, "SN-3", setup=bench_of("bench-4"))
     assert way_back.standing().fault is None
+
+
+def simulated(name: str, sha256: str = "b" * 64) -> Setup:
+    """A run in virtual time, to which a real bench was named."""
+    return dataclasses.replace(bench_of(name, sha256), clock=VIRTUAL)
+
+
+@pytest.mark.parametrize("others", [0, 120])
+def test_a_run_in_virtual_time_says_nothing_of_the_bench_that_it_names(tmp_path: Path, others: int) -> None:
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    told = tmp_path / ended(tmp_path, "SN-1", setup=simulated("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault, "the real bench is still wound up"
+    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    ended(tmp_path, "SN-3", None, "fault", simulated("bench-3"))
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+    if not others:
+        assert WayBack(tmp_path).standing().fault is None
+    (told / "run.json").write_bytes((told / "run.json").read_bytes() + b" ")
+    assert last_run_of(tmp_path, job_of("bench-3")).id > told.name
+
+
+def test_what_says_falsely_that_it_was_in_virtual_time_does_not_free_a_bench(tmp_path: Path) -> None:
+    fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    manifest = fault / "run.json"
+    manifest.write_bytes(re.sub(rb'"clock": *"[a-z]+"', b'"clock": "virtual"', manifest.read_bytes()))
+    assert RunRecord(fault).manifest().clock == VIRTUAL
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault.name
 
 
 def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:

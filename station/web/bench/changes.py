@@ -19,6 +19,7 @@ from station.records.chain.chain_file import Chain
 from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.records.samples.samples import channel_values
+from station.reports.headline import manifest_badges
 from station.store.outbox import catch_up
 from station.store.plant.hours import hour_of
 from station.store.run_search import CATCH_UP_S
@@ -94,33 +95,36 @@ def since_it_worked(data: Path) -> Since:
     manifest = newest.manifest()
     if newest.state() == RECORDING:
         return Since(why_none=IN_PROGRESS)
-    good, closed, closed_in_all = _last_good(data, manifest.bench.name, newest.id, hour_of(manifest.started))
+    virtual = bool(manifest_badges(manifest))  # runs that simulated a real bench are compared with such ones
+    good, closed, closed_in_all = _last_good(
+        data, manifest.bench.name, newest.id, hour_of(manifest.started), virtual=virtual
+    )
     if good is None:
         return Since(why_none=f"No run has passed on bench {manifest.bench.name} before.")
     before = facts_of(good, closed)
     return Since(good.id, newest.id, changes_between(before, facts_of(newest, closed_in_all)))
 
 
-def _last_good(data: Path, bench: str, newest: str, hour: str) -> tuple[RunRecord | None, int, int]:
+def _last_good(data: Path, bench: str, newest: str, hour: str, *, virtual: bool) -> tuple[RunRecord | None, int, int]:
     """Return the last run that passed on a bench before the newest, and how often the lock was closed up to each.
 
-    hour: in which the newest run began.
+    hour: in which the newest run began. virtual: whether runs on virtual units are meant, or on real ones.
     """
     chain = Chain(data)
     database = opened(data)
     try:
         catch_up(database, chain, most_s=CATCH_UP_S)
         with database.reading() as connection:
-            here = (RUNS.c.chain == chain.id) & (RUNS.c.bench == bench)
+            here = (RUNS.c.chain == chain.id) & (RUNS.c.bench == bench) & RUNS.c.virtual.is_(virtual)
             passed = here & (RUNS.c.verdict == "PASS") & (RUNS.c.altered == "") & RUNS.c.scenario.is_(None)
             last = select(RUNS.c.run, RUNS.c.hour).where(passed & (RUNS.c.run < newest))
             good = connection.execute(last.order_by(RUNS.c.run.desc()).limit(1)).first()
 
             def up_to(one: str, its_hour: str) -> int:
                 # Whole hours are counted already, and only of its own hour the runs are read.
-                earlier = select(func.coalesce(func.sum(RUN_HOURS.c.runs), 0)).where(
-                    RUN_HOURS.c.chain == chain.id, RUN_HOURS.c.bench == bench, RUN_HOURS.c.hour < its_hour
-                )
+                hours = (RUN_HOURS.c.chain == chain.id) & (RUN_HOURS.c.bench == bench)
+                hours &= RUN_HOURS.c.virtual.is_(virtual) & (RUN_HOURS.c.hour < its_hour)
+                earlier = select(func.coalesce(func.sum(RUN_HOURS.c.runs), 0)).where(hours)
                 beside = select(func.count()).select_from(RUNS)
                 beside = beside.where(here, RUNS.c.hour == its_hour, RUNS.c.run <= one)
                 return int(connection.execute(earlier).scalar_one()) + int(connection.execute(beside).scalar_one())

@@ -25,7 +25,7 @@ from types import ModuleType
 FORKS = "--forks"
 REAP_EVERY_S = 1.0
 LOOK_EVERY_SCANS = 400
-PAUSE_S = 0.01
+PAUSE_S = 0.002
 """A run of 3 600 scans leaves its records ten times as it goes, so that its loop comes to the page in some parts."""
 
 REHEARSED = "rv-40e-121-quick"

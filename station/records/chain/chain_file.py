@@ -20,6 +20,7 @@ from station.atomic_file import open_file, refused, seen_text, sync_folder
 from station.documents.entries import plain
 from station.documents.manifest import ChainPlace
 from station.errors import RecordError
+from station.records.chain.blocks import lines_in, lines_with
 from station.records.chain.entries import CREATED, LOST, REMOVED, START, Entry, entry_of, signed_entry, text_in_line
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
@@ -170,16 +171,11 @@ class Chain:
         return max((int(entry.fields["attempt"]) for entry in created), default=0)
 
     def _with(self, token: bytes) -> Iterator[Entry]:
-        content = self.content
-        at = content.find(token)
-        while at >= 0:
-            begin, end = content.rfind(b"\n", 0, at) + 1, content.find(b"\n", at)
-            if end < 0:
-                return  # a line without its end is none
-            entry = entry_of(content[begin:end])
-            if entry is not None:
-                yield entry
-            at = content.find(token, end)
+        # Not by the whole file, unless somebody has asked for it: a server looks at every run that it shows.
+        content = self._content
+        whole = 0 if content is None else content.rfind(b"\n") + 1
+        lines = lines_with(self.path, token) if content is None else lines_in(content, token, whole)
+        return (entry for line in lines if (entry := entry_of(line)) is not None)
 
 
 class ChainWriter:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from station.atomic_file import open_file, refused
+from station.records.chain.blocks import blocks, line_at, lines_with
 from station.records.chain.chain_file import CHAIN, RUN_BEGINS, RUN_ENDS, Chain, tail
 from station.records.chain.entries import CREATED, REMOVED, SEALED, Entry, entry_of, text_in_line
 from station.records.chain.walk import trust_of
@@ -18,9 +18,6 @@ FIRST_BYTES = 1 << 18
 """Of the end of a chain, which has the lines of about two hundred runs."""
 
 TIMES_LARGER = 16
-BLOCK_BYTES = 1 << 18
-"""As fast as larger blocks, whose memory stays with each thread of a server that once looked."""
-
 _BENCH = re.compile(rb',"bench":"([^"]*)"')
 
 
@@ -87,7 +84,7 @@ def entries_of_serial(data: Path, serial: str) -> Iterator[Entry]:
     Signatures are verified as they are asked for: a master part has thousands of entries.
     """
     token = b',"serial":' + text_in_line(serial) + b',"attempt":'
-    lines = list(_lines_with(data / CHAIN, token))
+    lines = list(lines_with(data / CHAIN, token))
     keys = trust_of(Chain(data)).keys if lines else frozenset()
     for line in reversed(lines):
         entry = entry_of(line)
@@ -103,52 +100,20 @@ def entries_of_run(data: Path, run: str) -> list[Entry]:
 def last_begun_on_each_bench(data: Path) -> dict[str, str]:
     """Return the run that was begun last with each text of a bench file, by its SHA-256; RecordError as above."""
     last: dict[bytes, bytes] = {}
-    for block, length in _blocks(data / CHAIN):
+    for block, length in blocks(data / CHAIN):
         places = {found[1]: found.start() for found in _BENCH.finditer(block, 0, length)}
-        last |= {sha256: _line_at(block, at) for sha256, at in places.items()}
+        last |= {sha256: line_at(block, at) for sha256, at in places.items()}
     entries = [entry for line in last.values() if (entry := entry_of(line)) is not None and entry.kind == CREATED]
     return {str(one.fields["bench"]): str(one.fields["run"]) for one in entries if one.signed}
 
 
 def begun_on_bench(data: Path, sha256: str) -> list[str]:
     """Return the runs that were begun with a text of a bench file, oldest first; RecordError as above."""
-    found = (entry_of(line) for line in _lines_with(data / CHAIN, b',"bench":' + text_in_line(sha256)))
+    found = (entry_of(line) for line in lines_with(data / CHAIN, b',"bench":' + text_in_line(sha256)))
     return [str(one.fields["run"]) for one in found if one is not None and one.kind == CREATED and one.signed]
 
 
 def _counting(data: Path, token: bytes) -> list[Entry]:
-    found = [entry for line in _lines_with(data / CHAIN, token) if (entry := entry_of(line)) is not None]
+    found = [entry for line in lines_with(data / CHAIN, token) if (entry := entry_of(line)) is not None]
     keys = trust_of(Chain(data)).keys if found else frozenset()
     return [one for one in found if one.key in keys and one.signed]
-
-
-def _lines_with(path: Path, token: bytes) -> Iterator[bytes]:
-    """Yield the whole lines of a file that hold a token, in their order."""
-    for block, length in _blocks(path):
-        at = block.find(token, 0, length)
-        while at >= 0:
-            yield _line_at(block, at)
-            at = block.find(token, block.find(b"\n", at), length)
-
-
-def _line_at(block: bytearray, at: int) -> bytes:
-    return bytes(block[block.rfind(b"\n", 0, at) + 1 : block.find(b"\n", at)])
-
-
-def _blocks(path: Path) -> Iterator[tuple[bytearray, int]]:
-    """Yield a file as whole lines in a buffer that is used again, and their length; a line without its end is none."""
-    block, kept = bytearray(BLOCK_BYTES), 0
-    try:
-        with open_file(path) as file:
-            while count := file.readinto(memoryview(block)[kept:]):  # type: ignore[attr-defined]
-                length = block.rfind(b"\n", 0, kept + count) + 1
-                if length:
-                    yield block, length
-                kept += count - length
-                block[:kept] = block[length : length + kept]
-                if kept == len(block):
-                    block.extend(bytes(len(block)))  # a line that is longer than that
-    except FileNotFoundError:
-        return
-    except OSError as error:
-        raise refused(path, error, "read") from error

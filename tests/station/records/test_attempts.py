@@ -11,7 +11,7 @@ from station_samples import SETUP
 
 from station.documents.manifest import EarlierAttempt
 from station.records.attempts import MOST
-from station.records.chain import lookup
+from station.records.chain import blocks, lookup
 from station.records.chain.lookup import ChainEnd
 from station.records.data_folder import WORTH_KEEPING, Store
 from station.records.seal import seal
@@ -76,7 +76,7 @@ def test_a_record_that_no_chain_knows_counts_by_what_it_says(tmp_path: Path) -> 
 @pytest.mark.parametrize("size", [1, 100, 5000])
 def test_lines_are_found_wherever_the_blocks_of_a_reader_end(tmp_path: Path, monkeypatch, size: int) -> None:
     runs = [measured(tmp_path, "FAIL", f"SN-{number}").name for number in range(6)]
-    monkeypatch.setattr(lookup, "BLOCK_BYTES", size)
+    monkeypatch.setattr(blocks, "BLOCK_BYTES", size)
     monkeypatch.setattr(lookup, "FIRST_BYTES", size)
     assert [one.run for one in Store(tmp_path).attempts_of("SN-3")] == [runs[3]]
     assert list(lookup.last_begun_on_each_bench(tmp_path).values()) == [runs[5]]

@@ -30,7 +30,7 @@ from station.web.pages.quality_figures import (
 
 SCRIPT = "<img src=x onerror=alert(1)>"
 LOT = Lot(recipe="inverse")
-LONGEST_MS = 60_000
+LONGEST_MS = 180_000
 
 
 @pytest.fixture(scope="module")

@@ -7,10 +7,11 @@ from pathlib import Path
 
 from station.bench.request import Job
 from station.errors import RecordError, StationError
-from station.records.chain.entries import SEALED, Entry
+from station.records.chain.chain_file import Chain
+from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.lookup import begun_on_bench, entries_of_run, last_begun_on_each_bench
 from station.records.newest_runs import KnownRun, newest_runs
-from station.records.run_record import RunRecord, only_simulated, was_simulated
+from station.records.run_record import RunRecord, only_simulated
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 
 NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
@@ -89,14 +90,22 @@ def why_not_free(data: Path, run: RunRecord, what_to_do: str) -> str:
 
 def _last_used(data: Path, bench_sha256: str) -> str:
     """Return the last run with this text of a bench file that used the bench, '' for none."""
+    chain = Chain(data).id
     for run in reversed(begun_on_bench(data, bench_sha256)):
-        if not was_simulated(RunRecord(data / run)):
+        lines = {one.kind: one for one in entries_of_run(data, run)}
+        if not _was_simulated(KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain)):
             return run
     return ""
 
 
+def _was_simulated(run: KnownRun) -> bool:
+    """Whether a run only simulated its bench, by a run.json that is as it was sealed."""
+    found = run.sound()
+    return found is not None and only_simulated(found)
+
+
 def _may_be_on(run: KnownRun, job: Job) -> bool:
-    if (known := run.sound()) is not None and only_simulated(known):
+    if _was_simulated(run):
         return False
     if run.created is not None and run.created.fields["bench"] == job.bench_source.sha256:
         return True

@@ -283,8 +283,12 @@ def test_a_run_in_virtual_time_says_nothing_of_the_bench_that_it_names(tmp_path:
     assert last_run_of(tmp_path, job_of("bench-3")).id > told.name
 
 
-def test_what_says_falsely_that_it_was_in_virtual_time_does_not_free_a_bench(tmp_path: Path) -> None:
+@pytest.mark.parametrize("others", [0, 120])
+def test_what_says_falsely_that_it_was_in_virtual_time_does_not_free_a_bench(tmp_path: Path, others: int) -> None:
+    ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
     fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
     manifest = fault / "run.json"
     manifest.write_bytes(re.sub(rb'"clock": *"[a-z]+"', b'"clock": "virtual"', manifest.read_bytes()))
     assert RunRecord(fault).manifest().clock == VIRTUAL

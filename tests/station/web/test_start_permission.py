@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-import re
 import shutil
 from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from ended_runs import bench_of, ended, on_a_cable, recovered
 from hypothesis import given
 from hypothesis import strategies as st
 from lostmotion_command import here
@@ -19,19 +19,13 @@ from station_support import released, write_models
 from recipes import RecipeError, shipped_recipes
 from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
-from station.documents.entries import plain
-from station.documents.events import LeftState
-from station.documents.manifest import BenchSource, EarlierAttempt, Setup
-from station.documents.result import Result
+from station.documents.manifest import EarlierAttempt
 from station.records.chain.chain_file import CREATED_MANIFEST
-from station.records.clocks import VIRTUAL
 from station.records.data_folder import Store
 from station.records.revisions.writing import save_draft
-from station.records.run_record import RESULT, RunRecord
+from station.records.run_record import RunRecord
 from station.records.seal import CONCLUDED, seal
 from station.run.way_back.begins_at import LOOKED_INTO
-from station.run.way_back.last_run import last_run_of, why_not_free
-from station.run.way_back.recoveries import recoveries
 from station.wall_clock import WALL_CLOCK
 from station.web.bad_units import LOOKED_AT, Bad, bad_unit_of, may_be_bad, unconfirmed
 from station.web.bench.way_back import WayBack
@@ -61,12 +55,6 @@ def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> 
 def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleNamespace:
     manifest = SimpleNamespace(started=started, verdict=None, bench=SimpleNamespace(name="bench"))
     return SimpleNamespace(id="R1", state=lambda: state, manifest=lambda: manifest)
-
-
-def on_a_cable(job: object) -> SimpleNamespace:
-    header = SimpleNamespace(embedded=False)
-    bench = SimpleNamespace(bench=header, master_parts=(), master_part=lambda _serial: None)
-    return SimpleNamespace(bench=bench, program=job.program)
 
 
 def with_master_parts(job: Job) -> Job:
@@ -167,19 +155,6 @@ def test_master_parts_may_always_be_measured_and_a_bad_one_that_failed_is_no_bad
     assert refusals(dataclasses.replace(one, wanted=Wanted("MASTER-BAD"))) == []
 
 
-def recovered(data: Path, fault: str, setup: Setup, state: str = "stopped", lock: str = "open") -> None:
-    """Make a recovery of the bench that a run left."""
-    found = recoveries(data).create("SN-1", dataclasses.replace(setup, recovery_of=fault), {})
-    if state == "recording":
-        return
-    left = LeftState(torque_nm=0.0, torque_known=True, lock=lock, lock_known=True, drive="off", drive_known=True,
-                     release_torque_nm=1.0)  # fmt: skip
-    told = Result(run=found.id, serial="SN-1", recipe=setup.recipe.head, state=state, verdict="NOT DECIDABLE",
-                  reasons=(), metrics=(), left=left)  # fmt: skip
-    found.write_json(RESULT, plain(told))
-    found.update(state=state, files={})
-
-
 @pytest.mark.parametrize(
     ("state", "lock", "allowed"),
     [("stopped", "open", True), ("stopped", "closed", False), ("fault", "open", False), ("recording", "", False)],
@@ -193,38 +168,6 @@ def test_a_bench_is_free_again_when_a_recovery_has_opened_the_lock(
     assert [name for name, _ in refusals(one)] == ["bench_recovered"]
     recovered(tmp_path, fault.id, SETUP, state, lock)
     assert [name for name, _ in refusals(one)] == ([] if allowed else ["bench_recovered"])
-
-
-def ended(data: Path, serial: str, verdict: str | None = "PASS", state: str = "complete", setup: Setup = SETUP) -> str:
-    """Make a run that was concluded, and return its id."""
-    record = Store(data).create(serial, setup, {})
-    seal(record, state=state, verdict=verdict)
-    return record.id
-
-
-def bench_of(name: str, sha256: str = "b" * 64, *, embedded: bool = False) -> Setup:
-    return dataclasses.replace(SETUP, bench=BenchSource(name=name, revision=1, sha256=sha256, embedded=embedded))
-
-
-def job_of(name: str, sha256: str = "b" * 64) -> SimpleNamespace:
-    bench = SimpleNamespace(bench=SimpleNamespace(name=name, embedded=False))
-    return SimpleNamespace(bench=bench, bench_source=SimpleNamespace(sha256=sha256))
-
-
-@pytest.mark.parametrize("others", [0, 3, 120])
-def test_a_bench_left_wound_up_is_not_free_by_the_runs_of_another_bench(tmp_path: Path, others: int) -> None:
-    ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
-    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
-    for number in range(others):
-        ended(tmp_path, f"W-{number}", setup=bench_of("bench-3", "c" * 64, embedded=True))
-    last = last_run_of(tmp_path, job_of("bench-3"))
-    assert last.id == fault
-    assert "Do it." in why_not_free(tmp_path, last, "Do it.")
-    last = last_run_of(tmp_path, job_of("bench-3", "d" * 64))
-    assert last.id == fault, "the file of the bench was changed since"
-    assert last_run_of(tmp_path, job_of("bench-4", "e" * 64)) is None
-    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
-    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
 
 
 @pytest.mark.parametrize(("others", "offered"), [(0, True), (3, True), (LOOKED_INTO, False)])
@@ -242,72 +185,6 @@ def test_the_page_is_named_for_a_recovery_only_where_it_offers_one(
     assert ("Maintenance" in why, "recover --bench b.yaml'" in why) == (offered, True)
     assert words_of("de")(why) != why
     assert (WayBack(tmp_path).standing().fault is not None) == offered
-
-
-def test_the_page_recovers_each_bench_that_a_fault_left_the_newest_first(tmp_path: Path) -> None:
-    way_back = WayBack(tmp_path)
-    assert way_back.standing().why_none == "No run was made yet."
-    first = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
-    second = ended(tmp_path, "SN-1", None, "interrupted", bench_of("bench-4"))
-    ended(tmp_path, "W-1", None, "fault", bench_of("bench-5", embedded=True))
-    assert way_back.standing().fault.run == second
-    recovered(tmp_path, second, bench_of("bench-4"))
-    assert (way_back.standing().fault.run, way_back.standing().released) == (second, True), (
-        "its unit is to be taken out"
-    )
-    ended(tmp_path, "SN-2", setup=bench_of("bench-4"))
-    assert (way_back.standing().fault.run, way_back.standing().released) == (first, False)
-    recovered(tmp_path, first, bench_of("bench-3"))
-    ended(tmp_path, "SN-3", setup=bench_of("bench-4"))
-    assert way_back.standing().fault is None
-
-
-def simulated(name: str, sha256: str = "b" * 64) -> Setup:
-    """A run in virtual time, to which a real bench was named."""
-    return dataclasses.replace(bench_of(name, sha256), clock=VIRTUAL)
-
-
-@pytest.mark.parametrize("others", [0, 120])
-def test_a_run_in_virtual_time_says_nothing_of_the_bench_that_it_names(tmp_path: Path, others: int) -> None:
-    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
-    told = tmp_path / ended(tmp_path, "SN-1", setup=simulated("bench-3"))
-    for number in range(others):
-        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
-    assert last_run_of(tmp_path, job_of("bench-3")).id == fault, "the real bench is still wound up"
-    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
-    ended(tmp_path, "SN-3", None, "fault", simulated("bench-3"))
-    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
-    if not others:
-        assert WayBack(tmp_path).standing().fault is None
-    (told / "run.json").write_bytes((told / "run.json").read_bytes() + b" ")
-    assert last_run_of(tmp_path, job_of("bench-3")).id > told.name
-
-
-@pytest.mark.parametrize("others", [0, 120])
-def test_what_says_falsely_that_it_was_in_virtual_time_does_not_free_a_bench(tmp_path: Path, others: int) -> None:
-    ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
-    fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
-    for number in range(others):
-        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
-    manifest = fault / "run.json"
-    manifest.write_bytes(re.sub(rb'"clock": *"[a-z]+"', b'"clock": "virtual"', manifest.read_bytes()))
-    assert RunRecord(fault).manifest().clock == VIRTUAL
-    assert last_run_of(tmp_path, job_of("bench-3")).id == fault.name
-
-
-def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:
-    fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
-    manifest = fault / "run.json"
-    manifest.write_bytes(manifest.read_bytes().replace(b'"fault"', b'"complete"'))
-    assert "ended with 'fault'" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
-    manifest.unlink()
-    assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
-    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
-    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
-    shutil.rmtree(tmp_path / last_run_of(tmp_path, job_of("bench-3")).id)
-    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == "", "by the word of the chain"
-    shutil.rmtree(tmp_path / Store(tmp_path).create("SN-3", bench_of("bench-3"), {}).id)
-    assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
 
 
 def test_a_folder_that_is_no_run_hides_none(tmp_path: Path) -> None:

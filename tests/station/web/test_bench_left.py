@@ -1,0 +1,106 @@
+"""How a bench was left: by its own last run, whatever other benches and simulated runs did since."""
+
+from __future__ import annotations
+
+import dataclasses
+import re
+import shutil
+from pathlib import Path
+from types import SimpleNamespace
+
+import pytest
+from ended_runs import bench_of, ended, recovered
+
+from station.documents.manifest import Setup
+from station.records.clocks import VIRTUAL
+from station.records.data_folder import Store
+from station.records.run_record import RunRecord
+from station.run.way_back.last_run import last_run_of, why_not_free
+from station.web.bench.way_back import WayBack
+
+
+def job_of(name: str, sha256: str = "b" * 64) -> SimpleNamespace:
+    bench = SimpleNamespace(bench=SimpleNamespace(name=name, embedded=False))
+    return SimpleNamespace(bench=bench, bench_source=SimpleNamespace(sha256=sha256))
+
+
+@pytest.mark.parametrize("others", [0, 3, 120])
+def test_a_bench_left_wound_up_is_not_free_by_the_runs_of_another_bench(tmp_path: Path, others: int) -> None:
+    ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-3", "c" * 64, embedded=True))
+    last = last_run_of(tmp_path, job_of("bench-3"))
+    assert last.id == fault
+    assert "Do it." in why_not_free(tmp_path, last, "Do it.")
+    last = last_run_of(tmp_path, job_of("bench-3", "d" * 64))
+    assert last.id == fault, "the file of the bench was changed since"
+    assert last_run_of(tmp_path, job_of("bench-4", "e" * 64)) is None
+    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+
+
+def test_the_page_recovers_each_bench_that_a_fault_left_the_newest_first(tmp_path: Path) -> None:
+    way_back = WayBack(tmp_path)
+    assert way_back.standing().why_none == "No run was made yet."
+    first = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    second = ended(tmp_path, "SN-1", None, "interrupted", bench_of("bench-4"))
+    ended(tmp_path, "W-1", None, "fault", bench_of("bench-5", embedded=True))
+    assert way_back.standing().fault.run == second
+    recovered(tmp_path, second, bench_of("bench-4"))
+    assert (way_back.standing().fault.run, way_back.standing().released) == (second, True), (
+        "its unit is to be taken out"
+    )
+    ended(tmp_path, "SN-2", setup=bench_of("bench-4"))
+    assert (way_back.standing().fault.run, way_back.standing().released) == (first, False)
+    recovered(tmp_path, first, bench_of("bench-3"))
+    ended(tmp_path, "SN-3", setup=bench_of("bench-4"))
+    assert way_back.standing().fault is None
+
+
+def simulated(name: str, sha256: str = "b" * 64) -> Setup:
+    """A run in virtual time, to which a real bench was named."""
+    return dataclasses.replace(bench_of(name, sha256), clock=VIRTUAL)
+
+
+@pytest.mark.parametrize("others", [0, 120])
+def test_a_run_in_virtual_time_says_nothing_of_the_bench_that_it_names(tmp_path: Path, others: int) -> None:
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    told = tmp_path / ended(tmp_path, "SN-1", setup=simulated("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault, "the real bench is still wound up"
+    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    ended(tmp_path, "SN-3", None, "fault", simulated("bench-3"))
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+    if not others:
+        assert WayBack(tmp_path).standing().fault is None
+    (told / "run.json").write_bytes((told / "run.json").read_bytes() + b" ")
+    assert last_run_of(tmp_path, job_of("bench-3")).id > told.name
+
+
+@pytest.mark.parametrize("others", [0, 120])
+def test_what_says_falsely_that_it_was_in_virtual_time_does_not_free_a_bench(tmp_path: Path, others: int) -> None:
+    ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
+    fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
+    manifest = fault / "run.json"
+    manifest.write_bytes(re.sub(rb'"clock": *"[a-z]+"', b'"clock": "virtual"', manifest.read_bytes()))
+    assert RunRecord(fault).manifest().clock == VIRTUAL
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault.name
+
+
+def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:
+    fault = tmp_path / ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    manifest = fault / "run.json"
+    manifest.write_bytes(manifest.read_bytes().replace(b'"fault"', b'"complete"'))
+    assert "ended with 'fault'" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+    manifest.unlink()
+    assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+    ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == ""
+    shutil.rmtree(tmp_path / last_run_of(tmp_path, job_of("bench-3")).id)
+    assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == "", "by the word of the chain"
+    shutil.rmtree(tmp_path / Store(tmp_path).create("SN-3", bench_of("bench-3"), {}).id)
+    assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")

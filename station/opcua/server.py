@@ -16,6 +16,7 @@ from pathlib import Path
 from asyncua import Server, ua
 
 from station.errors import StationError
+from station.heap import keep_heap_small
 from station.opcua.access import Doorkeeper, Guest, ReadOnlyRules, StationServer, tell
 from station.opcua.address_space import AddressSpace, built_in
 from station.opcua.bench_view import BenchView
@@ -40,6 +41,7 @@ def serve(data: Path) -> None:
         StationError, RecipeError: the settings, the certificate, an account or the port cannot be used.
 
     """
+    keep_heap_small()
     settings = load_opcua(data)
     _, uri = checked_certificate(data, settings)
     for name in ("asyncua", "asyncio"):  # what a person needs of a client that came or fell is told by `access`

@@ -13,6 +13,7 @@ from nicegui import ui
 from starlette.types import ASGIApp
 
 from station.errors import StationError
+from station.heap import keep_heap_small
 from station.store.engine import keep_connections
 from station.web.aqdef.outbox import Writer
 from station.web.aqdef.settings import load_aqdef
@@ -148,6 +149,7 @@ def serve(served: Served) -> None:
         StationError, RecipeError: as `open_station`; the port is taken.
 
     """
+    keep_heap_small()
     keep_connections()
     station, password = open_station(served)
     station.settings.use_time_zone()

@@ -5,8 +5,10 @@ from __future__ import annotations
 import errno
 import os
 import time
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from math import isnan
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
@@ -57,6 +59,15 @@ def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
+def good_and_worn(quick_run: Any, quarter: Callable[[str], str], tmp_path: Path) -> Path:
+    """A good unit that passed and a worn one that failed, by the same recipe."""
+    data: Path = quick_run.copy(tmp_path / "runs").parent
+    words = ("--virtual-time", "--unit", "worn", "--serial", "W1", "--no-report", "--data", str(data))
+    assert here("run", quarter(RECIPE), *words).exit_code == 1
+    return data
+
+
+@pytest.fixture
 def two_revisions(quick_run: Any, quarter: Callable[[str], str], tmp_path: Path) -> Path:
     """A run by the recipe as it is, and a newer one by a revision with a stricter limit and the simple rule."""
     data: Path = quick_run.copy(tmp_path / "runs").parent
@@ -71,24 +82,29 @@ def two_revisions(quick_run: Any, quarter: Callable[[str], str], tmp_path: Path)
     return data
 
 
-@pytest.mark.parametrize("folder", ["quick_run", "worn_run"], indirect=True)
-def test_a_trial_says_what_evaluating_the_run_alone_by_the_draft_says(folder: Path, tmp_path: Path) -> None:
-    run = Store(folder).find("last")
-    before = (run.folder / MANIFEST).read_bytes()
+def test_a_trial_says_what_evaluating_each_run_alone_by_the_draft_says(good_and_worn: Path, tmp_path: Path) -> None:
+    runs = Store(good_and_worn).runs()
+    before = {run.id: (run.manifest().verdict, (run.folder / MANIFEST).read_bytes()) for run in runs}
     for tried in TRIED.values():
-        found = definition_trial(folder, LOT, tried)
+        found = definition_trial(good_and_worn, LOT, tried)
         file = tmp_path / "draft.yaml"
-        file.write_bytes(draft_text(folder, found))
-        alone = reevaluate(run, str(file), None)
-        assert found.verdicts == ((run.manifest().verdict, alone.verdict, 1),), tried
-        assert found.flips == (run.manifest().verdict != alone.verdict) == len(found.flipped)
-        assert (found.runs, found.evaluated, found.not_evaluated) == (1, 1, ())
-        if found.flipped and alone.reasons:
-            assert found.flipped[0].why.startswith(alone.reasons[0])
-        told = next(one for one in alone.metrics if one.id in (tried.definition, tried.metric))
-        means = {one.side: one.on_trial.mean for one in found.risks if one.on_trial is not None}
-        assert means[told.side] == told.sides[told.side].value
-    assert (run.folder / MANIFEST).read_bytes() == before, "no stored verdict changes"
+        file.write_bytes(draft_text(good_and_worn, found))
+        alone = {run.id: reevaluate(run, str(file), None) for run in runs}
+        changes = Counter((before[run][0], one.verdict) for run, one in alone.items())
+        assert {(was, new): number for was, new, number in found.verdicts} == changes, tried
+        flipped = {run for run, one in alone.items() if before[run][0] != one.verdict}
+        assert {one.run for one in found.flipped} == flipped, tried
+        assert (found.flips, found.runs, found.evaluated, found.not_evaluated) == (len(flipped), 2, 2, ())
+        for one in found.flipped:
+            if alone[one.run].reasons:
+                assert one.why.startswith(alone[one.run].reasons[0])
+        told = [next(m for m in one.metrics if m.id in (tried.definition, tried.metric)) for one in alone.values()]
+        means = {one.side: one.on_trial.mean for one in found.risks if one.on_trial and not isnan(one.on_trial.mean)}
+        assert set(means) == {side for one in told for side in one.sides}
+        for side, mean in means.items():
+            values = [one.sides[side].value for one in told if side in one.sides]
+            assert mean == pytest.approx(sum(values) / len(values), rel=1e-12)
+    assert before == {run.id: (run.manifest().verdict, (run.folder / MANIFEST).read_bytes()) for run in runs}
 
 
 def test_runs_of_an_older_revision_are_judged_by_the_limit_and_the_rule_of_the_draft(

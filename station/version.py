@@ -35,7 +35,8 @@ UNRELEASED = "0.0"
 """The release before the first one, as setuptools-scm calls it."""
 
 NODE_DIGITS = 9
-GIT_S = 5.0
+GIT_S = 30.0
+"""Longest wait for git: on a busy computer its first look at a checkout takes seconds."""
 
 
 class Commit(NamedTuple):
@@ -47,10 +48,12 @@ class Commit(NamedTuple):
 
 
 def version() -> str:
-    """Return the version; words where nobody knows it: a copy of the sources without git, and not installed."""
+    """Return the version; words where nobody knows it: no answer of git in a checkout, a copy that is not installed."""
     commit = checkout()
     if commit is not None:
         return commit.version
+    if (ROOT / ".git").exists():  # what was written down at the installation is of another day
+        return "unknown (git does not answer in its checkout)"
     with suppress(importlib.metadata.PackageNotFoundError):
         return importlib.metadata.version("lostmotion")
     return "unknown (run from its source folder)"

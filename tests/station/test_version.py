@@ -97,6 +97,15 @@ def test_a_copy_without_git_is_told_apart_by_its_files(copy: Path, monkeypatch: 
     assert fresh(copy) is None
 
 
+def test_a_checkout_without_an_answer_of_git_does_not_claim_the_version_of_its_installation(
+    copy: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (copy / ".git").mkdir()  # git finds no repository there
+    monkeypatch.setattr("station.version.ROOT", copy)
+    monkeypatch.setattr("station.version.checkout", lambda: fresh(copy))
+    assert version().startswith("unknown")
+
+
 def test_a_run_names_its_software(golden_run: Any) -> None:
     checkout.cache_clear()
     said = json.loads((golden_run.record / "run.json").read_bytes())["software"]

@@ -103,17 +103,28 @@ def last_begun_on_each_bench(data: Path) -> dict[str, str]:
     for block, length in blocks(data / CHAIN):
         places = {found[1]: found.start() for found in _BENCH.finditer(block, 0, length)}
         last |= {sha256: line_at(block, at) for sha256, at in places.items()}
-    entries = [entry for line in last.values() if (entry := entry_of(line)) is not None and entry.kind == CREATED]
-    return {str(one.fields["bench"]): str(one.fields["run"]) for one in entries if one.signed}
+    keys = trust_of(Chain(data)).keys if last else frozenset()
+    found = {}
+    for sha256, line in last.items():
+        entry = entry_of(line)
+        if entry is not None and entry.kind == CREATED and _counts(entry, keys):
+            found[sha256.decode()] = str(entry.fields["run"])
+        elif begun := begun_on_bench(data, sha256.decode()):  # before a line that says nothing
+            found[sha256.decode()] = begun[-1]
+    return found
 
 
 def begun_on_bench(data: Path, sha256: str) -> list[str]:
     """Return the runs that were begun with a text of a bench file, oldest first; RecordError as above."""
-    found = (entry_of(line) for line in lines_with(data / CHAIN, b',"bench":' + text_in_line(sha256)))
-    return [str(one.fields["run"]) for one in found if one is not None and one.kind == CREATED and one.signed]
+    found = _counting(data, b',"bench":' + text_in_line(sha256))
+    return [str(one.fields["run"]) for one in found if one.kind == CREATED]
 
 
 def _counting(data: Path, token: bytes) -> list[Entry]:
     found = [entry for line in lines_with(data / CHAIN, token) if (entry := entry_of(line)) is not None]
     keys = trust_of(Chain(data)).keys if found else frozenset()
-    return [one for one in found if one.key in keys and one.signed]
+    return [one for one in found if _counts(one, keys)]
+
+
+def _counts(entry: Entry, keys: frozenset[str]) -> bool:
+    return entry.key in keys and entry.signed

@@ -10,8 +10,9 @@ from station.errors import RecordError, StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.lookup import begun_on_bench, entries_of_run, last_begun_on_each_bench
+from station.records.folder_check import runs_before
 from station.records.newest_runs import KnownRun, newest_runs
-from station.records.run_record import RunRecord, only_simulated
+from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord, only_simulated
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 
 NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
@@ -26,9 +27,10 @@ UNDER_WAY = "The recovery after a fault is in progress. Wait until the unit is u
 class LastRun(RunRecord):
     """The last run of a bench; how it ended says the chain where it was concluded, else its run.json."""
 
-    def __init__(self, folder: Path, sealed: Entry | None) -> None:
+    def __init__(self, folder: Path, sealed: Entry | None, *, begun: bool) -> None:
+        """Take the line that concludes it, None for none; begun: whether the chain has one that begins it."""
         super().__init__(folder)
-        self._sealed = sealed
+        self._sealed, self._begun = sealed, begun
 
     @property
     def ended_well(self) -> bool:
@@ -36,32 +38,34 @@ class LastRun(RunRecord):
         return self._sealed is not None and self._sealed.fields["state"] not in NEEDS_WAY_BACK
 
     def state(self) -> str:
-        """State of the run, as `RunRecord.state`."""
+        """State of the run, as `RunRecord.state`; what only run.json says to have ended has not, for the chain."""
         if self._sealed is not None:
             return str(self._sealed.fields["state"])
-        return super().state()
+        said = super().state()
+        return NOT_CONCLUDED if self._begun and said != RECORDING else said
 
 
 def last_run_of(data: Path, job: Job) -> RunRecord | None:
     """Return the newest run on the bench of a job; None where there is none.
 
     One whose run.json cannot be read may be of this bench, unless a later one is: it counts. One in virtual time on a
-    real bench's file was not on it, where its run.json is as it was sealed.
+    real bench's file was not on it, where its run.json is as it was sealed. A folder that the chain does not know may
+    be a copy, or from elsewhere: that such a run ended well frees no bench.
 
     Raises:
         StationError: the chain of the folder cannot be read.
 
     """
     for run in islice(newest_runs(data), LOOKED_INTO):
-        if _may_be_on(run, job):
-            return LastRun(run.record.folder, run.sealed)
+        if _may_be_on(run, job) and (_is_known(data, run) or not _says_that_it_ended_well(run.record)):
+            return LastRun(run.record.folder, run.sealed, begun=run.created is not None)
     begun = last_begun_on_each_bench(data)
     files = [sha256 for sha256, run in begun.items() if _is_on(RunRecord(data / run), job)]
     own = max((_last_used(data, sha256) for sha256 in files), default="")
     if not own:
         return None
     sealed = (one for one in entries_of_run(data, own) if one.kind == SEALED)
-    return LastRun(data / own, next(sealed, None))
+    return LastRun(data / own, next(sealed, None), begun=True)
 
 
 def why_not_free(data: Path, run: RunRecord, what_to_do: str) -> str:
@@ -96,6 +100,21 @@ def _last_used(data: Path, bench_sha256: str) -> str:
         if not _was_simulated(KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain)):
             return run
     return ""
+
+
+def _is_known(data: Path, run: KnownRun) -> bool:
+    """Whether a run is one of its folder: begun in its chain, from before that, or nobody keeps a chain there."""
+    if run.created is not None:
+        return True
+    chain = Chain(data)
+    return not chain.there or run.id in runs_before(chain)[0]
+
+
+def _says_that_it_ended_well(run: RunRecord) -> bool:
+    try:
+        return run.state() not in NEEDS_WAY_BACK
+    except RecordError:
+        return False
 
 
 def _was_simulated(run: KnownRun) -> bool:

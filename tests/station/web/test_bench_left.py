@@ -9,9 +9,12 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from ended_runs import bench_of, ended, recovered
 
 from station.documents.manifest import Setup
+from station.records.chain.entries import entry_of, signed_entry
+from station.records.chain.keys import BenchKey
 from station.records.clocks import VIRTUAL
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
@@ -104,3 +107,46 @@ def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None
     assert why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.") == "", "by the word of the chain"
     shutil.rmtree(tmp_path / Store(tmp_path).create("SN-3", bench_of("bench-3"), {}).id)
     assert "cannot be read" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+
+
+@pytest.mark.parametrize("others", [0, 120])
+def test_a_folder_that_the_chain_does_not_know_frees_no_bench(tmp_path: Path, others: int) -> None:
+    well = ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
+    for number in range(others):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    copied = tmp_path / f"9{fault[1:]}"
+    shutil.copytree(tmp_path / well, copied)
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault, "a copy of a run that ended well"
+    text = (copied / "run.json").read_text(encoding="utf-8").replace(well, copied.name)
+    (copied / "run.json").write_text(re.sub(r'"chain": *\{[^}]*\}', '"chain": null', text), encoding="utf-8")
+    assert RunRecord(copied).manifest().id == copied.name
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault, "one that says to be another run"
+    shutil.rmtree(copied)
+    shutil.copytree(tmp_path / fault, copied)
+    again = ended(tmp_path, "SN-2", setup=bench_of("bench-3"))
+    assert last_run_of(tmp_path, job_of("bench-3")).id == copied.name > again, "what speaks against a bench counts"
+
+
+def test_a_run_that_only_its_own_file_calls_ended_has_not(tmp_path: Path) -> None:
+    record = Store(tmp_path).create("SN-1", bench_of("bench-3"), {})
+    manifest = record.folder / "run.json"
+    manifest.write_bytes(manifest.read_bytes().replace(b'"recording"', b'"complete"'))
+    assert record.manifest().state == "complete"
+    assert "ended with 'not concluded'" in why_not_free(tmp_path, last_run_of(tmp_path, job_of("bench-3")), "Do it.")
+
+
+def test_a_line_of_a_foreign_key_frees_no_bench(tmp_path: Path) -> None:
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(120):
+        ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
+    other = ended(tmp_path, "W-1", setup=bench_of("bench-4", "c" * 64))
+    path = tmp_path / "chain.jsonl"
+    last = entry_of(path.read_bytes().splitlines()[-1])
+    words = {"run": other, "serial": "W-1", "attempt": 9, "recipe": "a", "bench": "b" * 64}
+    forged = signed_entry(
+        "created", last.counter + 1, last.sha256, "2026", BenchKey(Ed25519PrivateKey.generate()), **words
+    )
+    with path.open("ab") as file:
+        file.write(forged.line + b"\n")
+    assert last_run_of(tmp_path, job_of("bench-3")).id == fault

@@ -19,6 +19,7 @@ from station.records.chain.chain_file import CREATED_MANIFEST, Chain
 from station.records.chain.entries import entry_of
 from station.records.chain.walk import walk
 from station.records.data_folder import Store
+from station.records.seal import seal
 from station.records.verify import verify_folder
 
 
@@ -111,3 +112,34 @@ def test_runs_of_several_processes_at_once_make_one_chain(tmp_path: Path) -> Non
     found = verify_folder(data)
     assert found.problems == []
     assert sorted(run.manifest().attempt for run in Store(data).of_serial("S0")) == list(range(1, 9))
+
+
+@pytest.mark.parametrize("altered", [False, True])
+def test_a_unit_that_is_measured_while_a_folder_is_verified_is_no_problem(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, altered: bool
+) -> None:
+    """A run begins, another one is concluded, and another one is altered, after the chain was read."""
+    store_run(tmp_path, "S1", [metric(0.4)])
+    old, unsealed = next(tmp_path.glob("*-S1")), []
+    with monkeypatch.context() as later:
+        later.setattr("stored_runs.seal", lambda run, **how: unsealed.append((run, how)))
+        store_run(tmp_path, "S2", [metric(0.4)])
+    happens = [
+        lambda: store_run(tmp_path, "S3", [metric(0.4)]),
+        lambda: [seal(run, **how) for run, how in unsealed],
+        lambda: Store(tmp_path).create("S4", SETUP, FILES),
+    ]
+    if altered:
+        (old / "result.json").write_bytes(b"{}")
+
+    def walk_and_go_on(chain: Chain) -> Any:
+        found = walk(chain)
+        if happens:
+            happens.pop(0)()
+        return found
+
+    monkeypatch.setattr("station.records.verify.walk", walk_and_go_on)
+    found = verify_folder(tmp_path)
+    assert not happens
+    assert {(one.kind, one.run) for one in found.problems} == ({("altered", old.name)} if altered else set())
+    assert (found.runs, found.concluded) == (4, 3)

@@ -18,7 +18,7 @@ from station.records.chain.chain_file import CREATED_MANIFEST
 from station.records.chain.entries import Entry
 from station.records.chain.lookup import ChainEnd
 from station.records.data_folder import Store
-from station.records.run_record import MANIFEST, RunRecord
+from station.records.run_record import MANIFEST, RunRecord, only_simulated
 from station.records.seal import CONCLUDED, is_sealed
 
 
@@ -81,6 +81,11 @@ class KnownRun:
                 return None
             return None if self._was_sealed_here(found) else found
         return None
+
+    def only_simulated(self) -> bool:
+        """Whether the run only simulated the bench that it names, by a run.json that is `sound`."""
+        found = self.sound()
+        return found is not None and only_simulated(found)
 
     def _was_sealed_here(self, found: Manifest) -> bool:
         """Say whether an unsealed run.json says that it is concluded, though the chain of this folder began it."""

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import islice
 from pathlib import Path
 
 from station.documents.manifest import RECORDING
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord, was_simulated
+from station.records.newest_runs import newest_runs
+from station.records.run_record import RunRecord
 from station.run.way_back.last_run import NEEDS_WAY_BACK
 from station.run.way_back.recoveries import FOLDER, recoveries, was_recovered
 
@@ -21,13 +23,17 @@ def recovery_begins_at(data: Path) -> RunRecord | None:
 
     That of the newest recovery, while no run came after it. Else the newest run whose bench is still as a fault left
     it, whatever other benches of the folder did since. Else the newest run. Runs that only simulated
-    a bench do not count.
+    a bench, by a record that is as it was sealed, do not count.
+
+    Raises:
+        RecordError: the chain of the folder cannot be read.
+
     """
-    newest = Store(data).newest(LOOKED_INTO)
+    newest = [run for run in islice(newest_runs(data), LOOKED_INTO) if run.here][::-1]
     if not newest:
         return None
-    runs = [run for run in newest if not was_simulated(run)]
-    last = runs[-1] if runs else newest[-1]
+    runs = [run.record for run in newest if not run.only_simulated()]
+    last = runs[-1] if runs else newest[-1].record
     recovery = next(iter(recoveries(data).newest(1)), None)
     if recovery is not None and recovery.id > last.id:
         return _recovered_by(data, recovery) or last

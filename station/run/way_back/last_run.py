@@ -12,7 +12,7 @@ from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.lookup import begun_on_bench, entries_of_run, last_begun_on_each_bench
 from station.records.folder_check import runs_before
 from station.records.newest_runs import KnownRun, newest_runs
-from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord, only_simulated
+from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 
 NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
@@ -97,7 +97,7 @@ def _last_used(data: Path, bench_sha256: str) -> str:
     chain = Chain(data).id
     for run in reversed(begun_on_bench(data, bench_sha256)):
         lines = {one.kind: one for one in entries_of_run(data, run)}
-        if not _was_simulated(KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain)):
+        if not KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain).only_simulated():
             return run
     return ""
 
@@ -117,14 +117,8 @@ def _says_that_it_ended_well(run: RunRecord) -> bool:
         return False
 
 
-def _was_simulated(run: KnownRun) -> bool:
-    """Whether a run only simulated its bench, by a run.json that is as it was sealed."""
-    found = run.sound()
-    return found is not None and only_simulated(found)
-
-
 def _may_be_on(run: KnownRun, job: Job) -> bool:
-    if _was_simulated(run):
+    if run.only_simulated():
         return False
     if run.created is not None and run.created.fields["bench"] == job.bench_source.sha256:
         return True

@@ -18,6 +18,7 @@ from station.records.chain.keys import BenchKey
 from station.records.clocks import VIRTUAL
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
+from station.run.way_back.begins_at import recovery_begins_at
 from station.run.way_back.last_run import last_run_of, why_not_free
 from station.web.bench.way_back import WayBack
 
@@ -92,6 +93,8 @@ def test_what_says_falsely_that_it_was_in_virtual_time_does_not_free_a_bench(tmp
     manifest.write_bytes(re.sub(rb'"clock": *"[a-z]+"', b'"clock": "virtual"', manifest.read_bytes()))
     assert RunRecord(fault).manifest().clock == VIRTUAL
     assert last_run_of(tmp_path, job_of("bench-3")).id == fault.name
+    if not others:
+        assert recovery_begins_at(tmp_path).id == fault.name
 
 
 def test_an_altered_or_lost_record_does_not_free_a_bench(tmp_path: Path) -> None:

@@ -63,15 +63,17 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
             _keep_seen(database, chain)
             return 0
     end = None if most_s is None else time.monotonic() + most_s
-    done = 0
+    done, before = 0, -1
     while True:
         with database.writing() as connection:
-            left = _one_batch(connection, chain, read)
+            left, offset = _one_batch(connection, chain, read)
         done += BATCH
         if told is not None and left:
             told(done, done + left)
-        if not left or (end is not None and time.monotonic() > end):
+        # A batch that comes no further than the one before it would be the same for ever.
+        if not left or offset == before or (end is not None and time.monotonic() > end):
             return left
+        before = offset
 
 
 class _ReadSoFar:
@@ -82,6 +84,7 @@ class _ReadSoFar:
 
     def __init__(self, chain: Chain) -> None:
         self._chain = chain
+        self._end = chain.content.rfind(b"\n") + 1  # the rest is no line: it is being written, or was torn
         self._hash, self._at = hashlib.sha256(), 0
         self._left: int | None = None
         self._left_at = 0
@@ -98,7 +101,7 @@ class _ReadSoFar:
         """Return how many lines behind an offset, where a line begins, conclude a run."""
         content, at = self._chain.content, max(offset - 1, 0)
         if self._left is None:
-            self._left = content.count(SEALED_LINE, at)
+            self._left = content.count(SEALED_LINE, at, self._end)
         else:
             low, high = sorted((self._left_at, at))
             between = content.count(SEALED_LINE, low, high + len(SEALED_LINE) - 1)
@@ -154,8 +157,11 @@ def _keep_seen(database: Database, chain: Chain) -> None:
             connection.execute(update(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id).values(seen=chain.seen))
 
 
-def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
-    """Put the next runs of the chain into the store; return how many are left, 0 only at the end of the chain."""
+def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[int, int]:
+    """Put the next runs of the chain into the store; return how many are left, and how far the store has come.
+
+    None are left only at the end of the chain; how far: bytes of its file.
+    """
     row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
     begin, before = Place(), Walk()
     if row is not None and read.sha256(row["offset"]) == row["prefix_sha256"]:
@@ -194,7 +200,8 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
     connection.execute(PROJECTIONS.delete().where(PROJECTIONS.c.chain == chain.id))
     connection.execute(insert(PROJECTIONS), [whole])
     # Lines that conclude no run may be left alone, as those of removed runs: they count as one run that is left.
-    return read.sealed_behind(found.place.offset) or int(chain.content.rfind(b"\n") >= found.place.offset)
+    left = read.sealed_behind(found.place.offset) or int(chain.content.rfind(b"\n") >= found.place.offset)
+    return left, found.place.offset
 
 
 def _entries_there(connection: Connection, chain: Chain, runs: Collection[str] | None = None) -> dict[str, str | None]:

@@ -218,6 +218,48 @@ def test_a_restored_run_counts_again(lot: Path, tmp_path: Path) -> None:
     assert {name: len(rows) for name, rows in after.items()} == {name: len(rows) for name, rows in before.items()}
 
 
+@pytest.mark.parametrize("torn", [60, 1])
+def test_a_torn_last_line_does_not_keep_a_store_behind(lot: Path, monkeypatch: pytest.MonkeyPatch, torn: int) -> None:
+    """What a power failure leaves that came while a run was concluded, found by a store that is behind."""
+    monkeypatch.setattr("station.store.outbox.BATCH", 2)
+    store_run(lot, "TORN", [metric(0.4)])
+    content = (lot / CHAIN).read_bytes()
+    assert content.rpartition(b"\n{")[2].startswith(b'"kind":"sealed"')
+    (lot / CHAIN).write_bytes(content[:-torn])
+    told: list[tuple[int, int]] = []
+
+    def note(done: int, there: int) -> None:
+        told.append((done, there))
+        assert len(told) < 20
+
+    database = opened(lot)
+    assert catch_up(database, Chain(lot), told=note) == 0
+    before = all_rows(database, Chain(lot))
+    rebuild(database, Chain(lot), note)
+    assert all_rows(database, Chain(lot)) == before
+    database.close()
+    with look_at(lot) as view:
+        assert [problem.run for problem in view.problems if problem.kind == "altered"] == [Store(lot).runs()[-1].id]
+    assert told[-1][0] < told[-1][1]
+
+
+def test_a_batch_that_comes_no_further_is_the_last(lot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever is counted wrong: nobody waits for ever for a run that does not come."""
+    tries: list[int] = []
+
+    def one_more(_: object, offset: int) -> int:
+        tries.append(offset)
+        assert len(tries) < 20
+        return 1
+
+    monkeypatch.setattr("station.store.outbox._ReadSoFar.sealed_behind", one_more)
+    database = opened(lot)
+    assert catch_up(database, Chain(lot)) == 1
+    assert counts(database, Chain(lot))["runs"] == 11
+    database.close()
+    assert tries[-1] == tries[-2] == len((lot / CHAIN).read_bytes())
+
+
 @pytest.mark.parametrize("step", range(1, 26, 2))
 def test_whoever_is_killed_between_seal_and_store_loses_nothing(lot: Path, step: int) -> None:
     """Killed at each statement of the projection in turn; the next look has every run, once."""

@@ -21,7 +21,7 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
 from station.store.plant.removals import put_removals
-from station.store.projection import put_rows, remove_rows, rows_of
+from station.store.projection import put_rows, remove_chain, remove_rows, rows_of
 from station.store.tables import PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100
@@ -122,20 +122,20 @@ def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples
         with database.writing() as connection:
             folders = [RunRecord(chain.data / name) for name in names[begin : begin + BATCH]]
             rows = {run.id: rows_of(run, chain, samples=samples) if run.has(MANIFEST) else {} for run in folders}
-            put_rows(connection, chain.id, rows)
+            put_rows(connection, chain, rows)
 
 
 def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
     """Take runs out of the store whose folders are gone, where no chain has anything to say of them."""
     if runs:
         with database.writing() as connection:
-            remove_rows(connection, chain.id, list(runs))
+            remove_rows(connection, chain, list(runs))
 
 
 def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
     """Make the rows of a data folder again, from its chain; the next look puts in what was there before the chain."""
     with database.writing() as connection:
-        remove_rows(connection, chain.id)
+        remove_chain(connection, chain.id)
     catch_up(database, chain, told=told)
 
 
@@ -171,9 +171,9 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
     named = list(dict.fromkeys((*found.created, *found.sealed)))
     if begin.offset == 0:
         stored = _entries_there(connection, chain)
-        remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
+        remove_chain(connection, folder_id(chain.data))  # from before the chain: they are put in again
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
-        remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
+        remove_rows(connection, chain, [run for run, entry in stored.items() if entry and run not in known])
         put_archived(connection, chain)
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
     else:
@@ -186,7 +186,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
     ]
     if len(runs) > FEW:
         chain.index()
-    put_rows(connection, chain.id, {run.id: rows_of(run, chain) for run in runs})
+    put_rows(connection, chain, {run.id: rows_of(run, chain) for run in runs})
     whole = {
         "chain": chain.id,
         "offset": found.place.offset,

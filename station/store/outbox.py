@@ -21,7 +21,7 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
 from station.store.plant.removals import put_removals
-from station.store.projection import put_rows, remove_chain, remove_rows, rows_of
+from station.store.projection import put_runs_apart, remove_chain, remove_rows, rows_of
 from station.store.tables import PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100
@@ -122,7 +122,7 @@ def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples
         with database.writing() as connection:
             folders = [RunRecord(chain.data / name) for name in names[begin : begin + BATCH]]
             rows = {run.id: rows_of(run, chain, samples=samples) if run.has(MANIFEST) else {} for run in folders}
-            put_rows(connection, chain, rows)
+            put_runs_apart(connection, chain, rows)
 
 
 def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
@@ -168,7 +168,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
         begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)
     limit = _end_of_batch(chain, begin.offset)
     found = walk(chain, begin, limit)
-    named = list(dict.fromkeys((*found.created, *found.sealed)))
+    named = [run for run in dict.fromkeys((*found.created, *found.sealed)) if _may_be_stored(run)]
     if begin.offset == 0:
         stored = _entries_there(connection, chain)
         remove_chain(connection, folder_id(chain.data))  # from before the chain: they are put in again
@@ -178,7 +178,8 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
     else:
         stored = _entries_there(connection, chain, named)
-    put_removals(connection, chain, found.removed)
+    removed = {run: line for run, line in found.removed.items() if _may_be_stored(run + str(line.fields["rule"]))}
+    put_removals(connection, chain, removed)
     runs = [
         RunRecord(chain.data / run)
         for run in named
@@ -186,7 +187,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
     ]
     if len(runs) > FEW:
         chain.index()
-    put_rows(connection, chain, {run.id: rows_of(run, chain) for run in runs})
+    put_runs_apart(connection, chain, {run.id: rows_of(run, chain) for run in runs})
     whole = {
         "chain": chain.id,
         "offset": found.place.offset,
@@ -202,6 +203,11 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
     # Lines that conclude no run may be left alone, as those of removed runs: they count as one run that is left.
     left = read.sealed_behind(found.place.offset) or int(chain.content.rfind(b"\n") >= found.place.offset)
     return left, found.place.offset
+
+
+def _may_be_stored(text: str) -> bool:
+    """Whether a text of the chain can be in a database: no run, and no rule, has such a name otherwise."""
+    return "\0" not in text and not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def _entries_there(connection: Connection, chain: Chain, runs: Collection[str] | None = None) -> dict[str, str | None]:

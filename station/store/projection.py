@@ -6,13 +6,16 @@ import hashlib
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 
 from sqlalchemy import Connection, delete, insert
+from sqlalchemy.exc import DataError, IntegrityError
 
 from station.atomic_file import seen_text
 from station.documents.manifest import Manifest
 from station.documents.ratio import RatioRecord
+from station.documents.reading import NEXT_STEP
 from station.documents.result import MetricValue, Result, SideValue
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
@@ -30,6 +33,11 @@ from station.store.tables import Row, Rows
 
 MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
+
+LONGEST_CAUSE = 200
+
+REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
+"""How a database, or what speaks to it, refuses a value: one too large, a text that it cannot write, a row twice."""
 
 OUTPUT_TORQUE = "output torque"
 MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
@@ -61,6 +69,23 @@ def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
     except RecordError as error:
         return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}")
     return found
+
+
+def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
+    """Put the rows of runs as `put_rows`; a run with a value that the database refuses is damaged, and no other one."""
+    try:
+        with connection.begin_nested():
+            put_rows(connection, chain, found)
+    except REFUSED as error:
+        if len(found) > 1:
+            for run, rows in found.items():
+                put_runs_apart(connection, chain, {run: rows})
+            return
+        cause = " ".join(str(getattr(error, "orig", None) or error).split())
+        with suppress(*REFUSED), connection.begin_nested():  # what the chain says of it may be what is refused
+            put_rows(
+                connection, chain, {run: _refused_rows(RunRecord(chain.data / run), chain, cause) for run in found}
+            )
 
 
 def put_rows(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
@@ -229,6 +254,15 @@ def _damaged_rows(run: RunRecord, chain: Chain, created: Entry | None, sealed: E
         }
         found[tables.RUNS] = [row | {"seen_files": seen_files(run)}]
     return found
+
+
+def _refused_rows(run: RunRecord, chain: Chain, cause: str) -> Rows:
+    """Return what the chain alone says of a run that has a value which the database cannot hold."""
+    entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
+    created = next((entry for entry in entries if entry.kind == CREATED), None)
+    sealed = next((entry for entry in entries if entry.kind == SEALED), None)
+    text = f"{MANIFEST}: has a value that the store cannot hold: {cause[:LONGEST_CAUSE]}. {NEXT_STEP}"
+    return _damaged_rows(run, chain, created, sealed, text)
 
 
 def _result_rows(chain: str, run: RunRecord, result: Result) -> Rows:

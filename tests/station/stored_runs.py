@@ -57,13 +57,14 @@ def store_run(
     study: StudyPlace | None = None,
     fixture: str | None = None,
     lock_angle_deg: float | None = None,
+    gates: Sequence[Mapping[str, Any]] = (),
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names. master: verdict that the unit, a master part, should have.
     text: of its recipe, `recipe_text` where None. study: step of a guided study that it measures.
-    fixture: its name in the bench file.
+    fixture: its name in the bench file. gates: its validity checks.
     """
     files = {"recipe.yaml": recipe_text(recipe, revision) if text is None else text, "bench.yaml": BENCH_TEXT}
     sha = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
@@ -83,7 +84,7 @@ def store_run(
         dict(one) | ({"verdict": None if failed is None else "FAIL"} if verdict != one.get("verdict") else {})
         for one in metrics
     ]
-    result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
+    result: dict[str, Any] = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
     result |= {
         "reasons": [*reasons, *([] if failed is None else [failed])],
         "recipe": plain(setup.recipe),
@@ -91,6 +92,7 @@ def store_run(
         "unit": plain(setup.unit),
         "clock": "real",
     }
+    result |= {"gates": [dict(gate) for gate in gates]}
     result |= {} if scenario is None else {"scenario": scenario}
     result |= {} if lock_angle_deg is None else {"lock_angle_deg": lock_angle_deg}
     result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}

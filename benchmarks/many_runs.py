@@ -34,7 +34,7 @@ def make_runs(data: Path, count: int, first: int = 0) -> None:
     Nothing waits for the disk, which a benchmark's folder need not survive.
     """
     data.mkdir(parents=True, exist_ok=True)
-    recipe, bench = b"recipe: small\n", b"bench: small\n"
+    recipe, bench = b"recipe: {name: small, revision: 1}\n", b"bench: {name: line-1, revision: 1}\n"
     with _no_waiting(), writing_to(data) as chain:
         for number in range(first, first + count):
             again = number % UNITS_MEASURED_TWICE == UNITS_MEASURED_TWICE - 1

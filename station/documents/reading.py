@@ -25,6 +25,9 @@ from station.errors import RecordError
 NEXT_STEP = "Restore the file from a backup, or move the run's folder out of the data folder"
 LONGEST_SHOWN = 40
 
+NUL = rb"\u0000"
+"""How the character U+0000 stands in JSON: no text of this program has it, and not every database can hold it."""
+
 Document = TypeVar("Document")
 
 _WORDS: dict[Any, str] = {
@@ -54,9 +57,13 @@ def read_document(kind: type[Document], path: Path) -> Document:
 def document_in(kind: type[Document], content: bytes, place: Path) -> Document:
     """Return the document in these bytes; `place` is named in the RecordError of one that is damaged."""
     try:
-        return adapter(kind).validate_json(content, strict=True)
+        found = adapter(kind).validate_json(content, strict=True)
     except ValidationError as error:
         raise RecordError(f"{place}: is damaged: {'; '.join(_wrong(kind, error))}. {NEXT_STEP}") from error
+    if NUL in content and (entries := list(_with_nul(json.loads(content)))):
+        said = f"found {_shown(entries[0][1])}; allowed is a text without the character U+0000"
+        raise RecordError(f"{place}: is damaged: {entries[0][0]}: {said}. {NEXT_STEP}")
+    return found
 
 
 def whole_lines(kind: type[Document], path: Path) -> Iterator[Document]:
@@ -95,6 +102,20 @@ def adapter(kind: type[Document]) -> TypeAdapter[Document]:
     if kind not in _ADAPTERS:
         _ADAPTERS[kind] = TypeAdapter(kind)
     return _ADAPTERS[kind]
+
+
+def _with_nul(found: Any, place: str = "") -> Iterator[tuple[str, str]]:
+    """Yield the place of each text with the character U+0000, and the text; of a name, where it stands."""
+    if isinstance(found, str):
+        if "\0" in found:
+            yield place, found
+    elif isinstance(found, list):
+        for number, one in enumerate(found):
+            yield from _with_nul(one, f"{place}[{number}]")
+    elif isinstance(found, dict):
+        for name, one in found.items():
+            yield from _with_nul(name, place or "the name of an entry")
+            yield from _with_nul(one, f"{place}.{name}".removeprefix("."))
 
 
 def _wrong(kind: type, error: ValidationError) -> list[str]:

@@ -18,7 +18,7 @@ from station.records.revisions.revision import hash_of, text_path
 from station.records.run_record import RECIPE_COPY, RunRecord
 from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, Production
-from station.store.tables import ATTEMPTS, RECIPES, RUNS
+from station.store.tables import ATTEMPTS, RUNS
 
 MOST_COPIES = 20
 """Runs with the same recipe whose copy of it is tried."""
@@ -85,9 +85,10 @@ def _copies(production: Production, sha256: str) -> list[Path]:
     """Return where copies of a recipe may be: in runs by it, newest first, and in the texts of its revisions."""
     data, here = production.chain.data, production.chain.id
     asked = select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == here, ATTEMPTS.c.recipe_sha256 == sha256)
-    runs = production.connection.execute(asked.order_by(ATTEMPTS.c.run.desc()).limit(MOST_COPIES)).scalars()
-    named = select(RECIPES.c.name, RECIPES.c.revision).where(RECIPES.c.chain == here, RECIPES.c.sha256 == sha256)
-    texts = production.connection.execute(named).tuples()
+    runs = production.connection.execute(asked.order_by(ATTEMPTS.c.run.desc()).limit(MOST_COPIES)).scalars().all()
+    # By the name in the runs: that of a recipe itself is known from a copy, and here none of them may be left.
+    named = select(RUNS.c.recipe, RUNS.c.revision).where(RUNS.c.chain == here, RUNS.c.run.in_(runs)).distinct()
+    texts = production.connection.execute(named.where(RUNS.c.revision.is_not(None))).tuples()
     return [*(data / run / RECIPE_COPY for run in runs), *(text_path(data, name, rev, sha256) for name, rev in texts)]
 
 

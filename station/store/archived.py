@@ -7,8 +7,7 @@ from sqlalchemy import Connection, delete, insert, select
 from station.records.archive_note import Note, read_note
 from station.records.chain.chain_file import Chain
 from station.store.engine import Database
-from station.store.projection import Row
-from station.store.tables import ARCHIVED
+from station.store.tables import ARCHIVED, Row
 
 ROWS_AT_ONCE = 5_000
 

@@ -21,7 +21,7 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
 from station.store.plant.removals import put_removals
-from station.store.projection import put_rows, remove_rows, rows_of
+from station.store.projection import put_runs_apart, remove_chain, remove_rows, rows_of
 from station.store.tables import PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100
@@ -63,15 +63,17 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
             _keep_seen(database, chain)
             return 0
     end = None if most_s is None else time.monotonic() + most_s
-    done = 0
+    done, before = 0, -1
     while True:
         with database.writing() as connection:
-            left = _one_batch(connection, chain, read)
+            left, offset = _one_batch(connection, chain, read)
         done += BATCH
         if told is not None and left:
             told(done, done + left)
-        if not left or (end is not None and time.monotonic() > end):
+        # A batch that comes no further than the one before it would be the same for ever.
+        if not left or offset == before or (end is not None and time.monotonic() > end):
             return left
+        before = offset
 
 
 class _ReadSoFar:
@@ -82,6 +84,7 @@ class _ReadSoFar:
 
     def __init__(self, chain: Chain) -> None:
         self._chain = chain
+        self._end = chain.content.rfind(b"\n") + 1  # the rest is no line: it is being written, or was torn
         self._hash, self._at = hashlib.sha256(), 0
         self._left: int | None = None
         self._left_at = 0
@@ -98,7 +101,7 @@ class _ReadSoFar:
         """Return how many lines behind an offset, where a line begins, conclude a run."""
         content, at = self._chain.content, max(offset - 1, 0)
         if self._left is None:
-            self._left = content.count(SEALED_LINE, at)
+            self._left = content.count(SEALED_LINE, at, self._end)
         else:
             low, high = sorted((self._left_at, at))
             between = content.count(SEALED_LINE, low, high + len(SEALED_LINE) - 1)
@@ -119,20 +122,20 @@ def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples
         with database.writing() as connection:
             folders = [RunRecord(chain.data / name) for name in names[begin : begin + BATCH]]
             rows = {run.id: rows_of(run, chain, samples=samples) if run.has(MANIFEST) else {} for run in folders}
-            put_rows(connection, chain.id, rows)
+            put_runs_apart(connection, chain, rows)
 
 
 def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
     """Take runs out of the store whose folders are gone, where no chain has anything to say of them."""
     if runs:
         with database.writing() as connection:
-            remove_rows(connection, chain.id, list(runs))
+            remove_rows(connection, chain, list(runs))
 
 
 def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
     """Make the rows of a data folder again, from its chain; the next look puts in what was there before the chain."""
     with database.writing() as connection:
-        remove_rows(connection, chain.id)
+        remove_chain(connection, chain.id)
     catch_up(database, chain, told=told)
 
 
@@ -154,25 +157,29 @@ def _keep_seen(database: Database, chain: Chain) -> None:
             connection.execute(update(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id).values(seen=chain.seen))
 
 
-def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
-    """Put the next runs of the chain into the store; return how many are left, 0 only at the end of the chain."""
+def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[int, int]:
+    """Put the next runs of the chain into the store; return how many are left, and how far the store has come.
+
+    None are left only at the end of the chain; how far: bytes of its file.
+    """
     row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
     begin, before = Place(), Walk()
     if row is not None and read.sha256(row["offset"]) == row["prefix_sha256"]:
         begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)
     limit = _end_of_batch(chain, begin.offset)
     found = walk(chain, begin, limit)
-    named = list(dict.fromkeys((*found.created, *found.sealed)))
+    named = [run for run in dict.fromkeys((*found.created, *found.sealed)) if _may_be_stored(run)]
     if begin.offset == 0:
         stored = _entries_there(connection, chain)
-        remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
+        remove_chain(connection, folder_id(chain.data))  # from before the chain: they are put in again
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
-        remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
+        remove_rows(connection, chain, [run for run, entry in stored.items() if entry and run not in known])
         put_archived(connection, chain)
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
     else:
         stored = _entries_there(connection, chain, named)
-    put_removals(connection, chain, found.removed)
+    removed = {run: line for run, line in found.removed.items() if _may_be_stored(run + str(line.fields["rule"]))}
+    put_removals(connection, chain, removed)
     runs = [
         RunRecord(chain.data / run)
         for run in named
@@ -180,7 +187,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
     ]
     if len(runs) > FEW:
         chain.index()
-    put_rows(connection, chain.id, {run.id: rows_of(run, chain) for run in runs})
+    put_runs_apart(connection, chain, {run.id: rows_of(run, chain) for run in runs})
     whole = {
         "chain": chain.id,
         "offset": found.place.offset,
@@ -194,7 +201,13 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
     connection.execute(PROJECTIONS.delete().where(PROJECTIONS.c.chain == chain.id))
     connection.execute(insert(PROJECTIONS), [whole])
     # Lines that conclude no run may be left alone, as those of removed runs: they count as one run that is left.
-    return read.sealed_behind(found.place.offset) or int(chain.content.rfind(b"\n") >= found.place.offset)
+    left = read.sealed_behind(found.place.offset) or int(chain.content.rfind(b"\n") >= found.place.offset)
+    return left, found.place.offset
+
+
+def _may_be_stored(text: str) -> bool:
+    """Whether a text of the chain can be in a database: no run, and no rule, has such a name otherwise."""
+    return "\0" not in text and not any("\ud800" <= letter <= "\udfff" for letter in text)
 
 
 def _entries_there(connection: Connection, chain: Chain, runs: Collection[str] | None = None) -> dict[str, str | None]:

@@ -6,15 +6,16 @@ import hashlib
 import json
 import os
 from collections.abc import Collection, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 
-from sqlalchemy import Connection, Table, delete, insert
-from sqlalchemy.dialects.postgresql import insert as postgresql_insert
-from sqlalchemy.dialects.sqlite import insert as sqlite_insert
+from sqlalchemy import Connection, delete, insert
+from sqlalchemy.exc import DataError, IntegrityError
 
 from station.atomic_file import seen_text
 from station.documents.manifest import Manifest
 from station.documents.ratio import RatioRecord
+from station.documents.reading import NEXT_STEP
 from station.documents.result import MetricValue, Result, SideValue
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
@@ -27,21 +28,20 @@ from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, ho
 from station.store.plant.meanings import Meaning, number_of, put_meanings
 from station.store.plant.months import make_months
 from station.store.plant.retests import note_retests, serials_of
+from station.store.shared_rows import REFERENCES, drop_unnamed, file_rows, put_shared, shared_by, unit_rows
+from station.store.tables import Row, Rows
 
 MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
 
-Row = dict[str, object]
-"""A row for the database, by the names of its columns, whose types stand in `tables`."""
+LONGEST_CAUSE = 200
 
-Rows = dict[Table, list[Row]]
+REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
+"""How a database, or what speaks to it, refuses a value: one too large, a text that it cannot write, a row twice."""
 
 OUTPUT_TORQUE = "output torque"
 MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
 """Where the output torque of a run comes from, as its stage says."""
-
-NOT_ONES_OWN = (tables.RECIPES, tables.BENCHES, tables.UNITS)
-"""Tables whose rows several runs share, besides MEANINGS."""
 
 
 def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
@@ -61,18 +61,37 @@ def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
         if sealed is not None and not is_sealed(manifest):
             altered = altered or (f"{MANIFEST}: is still being written. Look again in a moment",)
         result = run.read(Result, RESULT) if concluded and not altered else None
-        found = _attempt_rows(name, run, manifest, created)
+        found = _attempt_rows(run, chain, manifest, created)
         if concluded:
             found |= {tables.RUNS: [_run_row(name, run, manifest, result, sealed, altered)]}
             found |= {} if result is None else _result_rows(name, run, result)
+            found |= {} if altered else unit_rows(chain, manifest)
     except RecordError as error:
-        return _damaged_rows(name, run, created, sealed, f"{MANIFEST}: {error}")
+        return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}")
     return found
 
 
-def put_rows(connection: Connection, chain: str, found: Mapping[str, Rows]) -> None:
+def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
+    """Put the rows of runs as `put_rows`; a run with a value that the database refuses is damaged, and no other one."""
+    try:
+        with connection.begin_nested():
+            put_rows(connection, chain, found)
+    except REFUSED as error:
+        if len(found) > 1:
+            for run, rows in found.items():
+                put_runs_apart(connection, chain, {run: rows})
+            return
+        cause = " ".join(str(getattr(error, "orig", None) or error).split())
+        with suppress(*REFUSED), connection.begin_nested():  # what the chain says of it may be what is refused
+            put_rows(
+                connection, chain, {run: _refused_rows(RunRecord(chain.data / run), chain, cause) for run in found}
+            )
+
+
+def put_rows(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
     """Put the rows of runs in the place of those that these runs have."""
-    hours, serials = _removed(connection, chain, list(found))
+    before = shared_by(connection, chain, list(found))
+    hours, serials = _removed(connection, chain.id, list(found))
     together: Rows = {}
     for rows in found.values():
         for table, content in rows.items():
@@ -80,25 +99,32 @@ def put_rows(connection: Connection, chain: str, found: Mapping[str, Rows]) -> N
     make_months(connection, found)
     for table, content in together.items():
         if table is tables.MEANINGS:
-            put_meanings(connection, chain, (Meaning(*(str(row[name]) for name in Meaning._fields)) for row in content))
-        elif table in NOT_ONES_OWN:
-            _put_missing(connection, table, content)
+            meanings = (Meaning(*(str(row[name]) for name in Meaning._fields)) for row in content)
+            put_meanings(connection, chain.id, meanings)
+        elif table in REFERENCES:
+            put_shared(connection, table, content)
         elif content:
             connection.execute(insert(table), content)
+    drop_unnamed(connection, chain, before, found, lambda run: rows_of(run, chain))
     came = together.get(tables.RUNS, [])
     _bring_up_plant(
         connection,
-        chain,
+        chain.id,
         hours.union(str(row["hour"]) for row in came),
         serials.union(str(row["serial"]) for row in came),
     )
 
 
-def remove_rows(connection: Connection, chain: str, runs: Sequence[str] | None = None) -> None:
-    """Remove the rows of runs; None: of a whole chain, with what its runs share."""
-    if runs is not None:
-        _bring_up_plant(connection, chain, *_removed(connection, chain, runs))
-        return
+def remove_rows(connection: Connection, chain: Chain, runs: Sequence[str]) -> None:
+    """Remove the rows of runs, and what no other run shares with them."""
+    before = shared_by(connection, chain, runs)
+    hours, serials = _removed(connection, chain.id, runs)
+    drop_unnamed(connection, chain, before, {}, lambda run: rows_of(run, chain))
+    _bring_up_plant(connection, chain.id, hours, serials)
+
+
+def remove_chain(connection: Connection, chain: str) -> None:
+    """Remove all rows of a chain."""
     for table in tables.METADATA.sorted_tables:
         connection.execute(delete(table).where(table.c.chain == chain))
 
@@ -118,13 +144,6 @@ def _removed(connection: Connection, chain: str, runs: Sequence[str]) -> tuple[s
     return hours, serials
 
 
-def _put_missing(connection: Connection, table: Table, content: list[Row]) -> None:
-    keys = [column.name for column in table.primary_key]
-    rows = {tuple(row[key] for key in keys): row for row in reversed(content)}
-    into = sqlite_insert if connection.dialect.name == "sqlite" else postgresql_insert
-    connection.execute(into(table).on_conflict_do_nothing(), list(rows.values()))
-
-
 def seen(path: str, folder: int | None = None) -> str:
     """Return what `seen_text` has of a file, '' where it is not there; folder: open one that the path begins in."""
     try:
@@ -140,36 +159,30 @@ def seen_files(run: RunRecord) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def _attempt_rows(chain: str, run: RunRecord, manifest: Manifest, created: Entry | None) -> Rows:
-    recipe, bench, unit = manifest.recipe, manifest.bench, manifest.unit
-    serial = manifest.serial if created is None else str(created.fields["serial"])
-    attempt = {
-        "chain": chain,
+def _attempt_rows(run: RunRecord, chain: Chain, manifest: Manifest, created: Entry | None) -> Rows:
+    """Return what is known of a run from its beginning: as its signed entry has it, where the chain has one."""
+    if created is not None:
+        return _begun_rows(run, chain, created)
+    recipe_sha256, bench_sha256 = manifest.recipe.sha256, manifest.bench.sha256
+    attempt: Row = {
+        "chain": chain.id,
         "run": run.id,
-        "counter": None if created is None else created.counter,
-        "serial": serial,
-        "attempt": manifest.attempt if created is None else created.fields["attempt"],
-        "recipe_sha256": recipe.sha256,
-        "bench_sha256": bench.sha256,
-        "created": manifest.started if created is None else created.fields["time"],
-        "key": None if created is None else created.key,
+        "counter": None,
+        "serial": manifest.serial,
+        "attempt": manifest.attempt,
+        "recipe_sha256": recipe_sha256,
+        "bench_sha256": bench_sha256,
+        "created": manifest.started,
+        "key": None,
     }
-    shared: Rows = {
-        tables.RECIPES: [{"chain": chain, "sha256": recipe.sha256, "name": recipe.name, "revision": recipe.revision}],
-        tables.UNITS: [
-            {
-                "chain": chain,
-                "serial": serial,
-                "model": unit.model,
-                "virtual": unit.virtual or "",
-            }
-        ],
-        tables.BENCHES: [
-            {"chain": chain, "sha256": bench.sha256, "name": bench.name}
-            | {"revision": bench.revision, "embedded": bench.embedded, "public_key": bench.public_key}
-        ],
-    }
-    return {tables.ATTEMPTS: [attempt], **shared}
+    return {tables.ATTEMPTS: [attempt], **file_rows(run, chain, recipe_sha256, bench_sha256)}
+
+
+def _begun_rows(run: RunRecord, chain: Chain, created: Entry) -> Rows:
+    row = {name: created.fields[name] for name in ("run", "serial", "attempt")}
+    row |= {"chain": chain.id, "counter": created.counter, "created": created.fields["time"], "key": created.key}
+    hashes = {f"{part}_sha256": created.fields[part] for part in ("recipe", "bench")}
+    return {tables.ATTEMPTS: [row | hashes], **file_rows(run, chain, **hashes)}
 
 
 def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result have it
@@ -222,18 +235,13 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
     }
 
 
-def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Entry | None, text: str) -> Rows:
+def _damaged_rows(run: RunRecord, chain: Chain, created: Entry | None, sealed: Entry | None, text: str) -> Rows:
     """Return what the chain alone says of a run that cannot be read."""
-    found: Rows = {}
-    if created is not None:
-        row = {name: created.fields[name] for name in ("run", "serial", "attempt")}
-        row |= {"chain": chain, "counter": created.counter, "created": created.fields["time"], "key": created.key}
-        row |= {f"{part}_sha256": created.fields[part] for part in ("recipe", "bench")}
-        found[tables.ATTEMPTS] = [row]
+    found: Rows = {} if created is None else _begun_rows(run, chain, created)
     if sealed is not None:
         row = dict.fromkeys(column.name for column in tables.RUNS.columns)
         row |= {name: sealed.fields[name] for name in ("run", "serial", "attempt", "state", "verdict", "sha256")}
-        row |= {"chain": chain, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
+        row |= {"chain": chain.id, "counter": sealed.counter, "entry_sha256": sealed.sha256, "key": sealed.key}
         row |= dict.fromkeys(("model", "recipe", "bench", "fixture", "master", "torque_source", "objection"), "")
         row |= {
             "virtual": False,
@@ -246,6 +254,15 @@ def _damaged_rows(chain: str, run: RunRecord, created: Entry | None, sealed: Ent
         }
         found[tables.RUNS] = [row | {"seen_files": seen_files(run)}]
     return found
+
+
+def _refused_rows(run: RunRecord, chain: Chain, cause: str) -> Rows:
+    """Return what the chain alone says of a run that has a value which the database cannot hold."""
+    entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
+    created = next((entry for entry in entries if entry.kind == CREATED), None)
+    sealed = next((entry for entry in entries if entry.kind == SEALED), None)
+    text = f"{MANIFEST}: has a value that the store cannot hold: {cause[:LONGEST_CAUSE]}. {NEXT_STEP}"
+    return _damaged_rows(run, chain, created, sealed, text)
 
 
 def _result_rows(chain: str, run: RunRecord, result: Result) -> Rows:

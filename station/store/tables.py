@@ -25,6 +25,11 @@ from sqlalchemy import Text as AnyText
 
 METADATA = MetaData()
 
+Row = dict[str, object]
+"""A row for the database, by the names of its columns, whose types stand in this module."""
+
+Rows = dict[Table, list[Row]]
+
 Text = AnyText().with_variant(AnyText(collation="C"), "postgresql")
 """Texts are ordered by their characters, as Python does it, whatever the language of a server: months rely on it."""
 
@@ -78,7 +83,7 @@ BENCHES = _of_a_chain(
 )
 
 UNITS = _of_a_chain("units", _key("serial"), _key("model"), _key("virtual"))
-"""Units under test; `virtual` is the unit on the virtual bench, '' for a real one."""
+"""Units under test; `virtual` is the unit on the virtual bench, '' for a real one. See `shared_rows`."""
 
 ATTEMPTS = _of_a_chain(
     "attempts",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -14,9 +15,15 @@ from station.documents.entries import plain
 from station.documents.manifest import RecipeSource, StudyPlace, Unit
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.records.seal import fingerprint, seal
+from station.records.seal import seal
 
+BENCH_TEXT = b"bench: {name: b, revision: 1, embedded: true}\n"
 START = datetime(2026, 1, 5, 8, tzinfo=UTC)
+
+
+def recipe_text(name: str, revision: int) -> bytes:
+    """Return a recipe that says how it is called, and nothing else."""
+    return f"recipe: {{name: {name}, revision: {revision}}}\n".encode()
 
 
 def metric(value: float | None, **changes: Any) -> dict[str, Any]:
@@ -46,35 +53,38 @@ def store_run(
     failed: str | None = None,
     key: str | None = None,
     master: str | None = None,
-    text: bytes = b"r\n",
+    text: bytes | None = None,
     study: StudyPlace | None = None,
     fixture: str | None = None,
     lock_angle_deg: float | None = None,
+    gates: Sequence[Mapping[str, Any]] = (),
 ) -> RunRecord:
     """Store one concluded run; `day` moves its start, `converted` says where its output torque comes from.
 
     calibration: the torque ratio that it measured. virtual: its unit on the virtual bench. failed: why its unit did.
     key: public key that the bench file names. master: verdict that the unit, a master part, should have.
-    text: of its recipe. study: step of a guided study that it measures. fixture: its name in the bench file.
+    text: of its recipe, `recipe_text` where None. study: step of a guided study that it measures.
+    fixture: its name in the bench file. gates: its validity checks.
     """
+    files = {"recipe.yaml": recipe_text(recipe, revision) if text is None else text, "bench.yaml": BENCH_TEXT}
+    sha = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     setup = replace(
         SETUP,
-        bench=replace(SETUP.bench, fixture=fixture),
+        bench=replace(SETUP.bench, sha256=sha["bench.yaml"], public_key=key, fixture=fixture),
         unit=Unit(model="RV", virtual=virtual, master=master),
-        recipe=RecipeSource(name=recipe, revision=revision, sha256=""),
+        recipe=RecipeSource(name=recipe, revision=revision, sha256=sha["recipe.yaml"]),
         operator=operator,
         scenario=scenario,
         study=study,
     )
-    run = Store(data).create(serial, setup, {"recipe.yaml": text, "bench.yaml": b"b\n"})
+    run = Store(data).create(serial, setup, files)
     run.samples.touch()
-    sha = {part: fingerprint(run.folder / f"{part}.yaml").sha256 for part in ("recipe", "bench")}
     verdict = "NOT DECIDABLE" if reasons or state != "complete" else "PASS" if failed is None else "FAIL"
     shown = [
         dict(one) | ({"verdict": None if failed is None else "FAIL"} if verdict != one.get("verdict") else {})
         for one in metrics
     ]
-    result = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
+    result: dict[str, Any] = {"run": run.id, "serial": serial, "state": state, "verdict": verdict, "metrics": shown}
     result |= {
         "reasons": [*reasons, *([] if failed is None else [failed])],
         "recipe": plain(setup.recipe),
@@ -82,17 +92,14 @@ def store_run(
         "unit": plain(setup.unit),
         "clock": "real",
     }
+    result |= {"gates": [dict(gate) for gate in gates]}
     result |= {} if scenario is None else {"scenario": scenario}
     result |= {} if lock_angle_deg is None else {"lock_angle_deg": lock_angle_deg}
     result |= {} if converted is None else {"stages": [{"stage": "output torque", "applied": converted}]}
     run.write_json("result.json", result)
     if calibration is not None:
         run.write_json("calibration.json", {"id": f"{run.id}-ratio", **calibration})
-    run.update(
-        recipe=replace(setup.recipe, sha256=sha["recipe"]),
-        bench=replace(setup.bench, sha256=sha["bench"], public_key=key),
-        started=(START + timedelta(days=day)).isoformat(timespec="milliseconds"),
-    )
+    run.update(started=(START + timedelta(days=day)).isoformat(timespec="milliseconds"))
     seal(run, state=state, verdict=verdict, records=0)
     return run
 

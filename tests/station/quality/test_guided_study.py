@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lostmotion_command import here
-from stored_runs import metric, store_run
+from stored_runs import BENCH_TEXT, metric, recipe_text, store_run
 
 from recipes import RecipeError
 from station.documents.study import GAGE, TYPE_ONE, StudyCell, StudyMetric, StudyPlan
@@ -43,8 +43,9 @@ def plan(kind: str, parts: tuple[str, ...], operators: tuple[str, ...], trials: 
     ]  # fmt: skip
     wanted = StudyMetric(id="lost_motion", reference=0.5 if kind == TYPE_ONE else None, tolerance=0.2)
     return StudyPlan(
-        kind=kind, metrics=(wanted,), recipe="inverse", revision=1, recipe_file="r", recipe_sha256=sha256(b"r\n"),
-        bench="b", bench_file="b", bench_sha256=sha256(b"b\n"), virtual=False, parts=parts, units={},
+        kind=kind, metrics=(wanted,), recipe="inverse", revision=1, recipe_file="r",
+        recipe_sha256=sha256(recipe_text("inverse", 1)),
+        bench="b", bench_file="b", bench_sha256=sha256(BENCH_TEXT), virtual=False, parts=parts, units={},
         operators=operators, trials=trials, share=20.0, seed=1, order=tuple(cells),
     )  # fmt: skip
 

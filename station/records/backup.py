@@ -160,17 +160,24 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
 def _files(data: Path) -> Iterator[Path]:
     for folder, folders, names in os.walk(data):
         folders.sort()
+        for name in folders:  # a linked one is not walked into, and would be left out without a word
+            if (Path(folder) / name).is_symlink():
+                raise _no_file(Path(folder) / name)
         for name in sorted(names):
             path = Path(folder) / name
             at_top = Path(folder) == data
             if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
                 continue
             if path.is_symlink() or not path.is_file():
-                raise RecordError(
-                    f"{path}: this is a link or a device. A data folder may have only files and folders. Move it out "
-                    "of the data folder"
-                )
+                raise _no_file(path)
             yield path
+
+
+def _no_file(path: Path) -> RecordError:
+    return RecordError(
+        f"{path}: this is a link or a device. A backup has only files and folders. Put the folder or file in the place "
+        "of the link, or move it out of the data folder"
+    )
 
 
 def _database(path: Path) -> bytes:

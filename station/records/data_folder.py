@@ -20,8 +20,10 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
+from station.records.chain.head import chain_seen_in
+from station.records.chain.old_index import INDEX
 from station.records.process_birth import process_birth
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
@@ -92,6 +94,19 @@ def _moment_of(name: str) -> datetime | None:
         return datetime.strptime(name.partition("Z-")[0], STAMP).replace(tzinfo=UTC)
     except ValueError:
         return None
+
+
+def _named_folder(path: Path) -> Path:
+    """Return the folder of a run by the path that a person names, whole.
+
+    A link in a data folder is not followed: a run that was moved and linked back is vouched for by the chain beside the
+    link. Any other link only leads to where the run lies.
+    """
+    if path.name in ("", ".."):  # a run is named by its folder, and these have no name
+        return path.resolve()
+    data = path.parent.resolve()
+    keeps_runs = (data / CHAIN).exists() or (data / INDEX).exists() or chain_seen_in(data) is not None
+    return data / path.name if keeps_runs else path.resolve()
 
 
 def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
@@ -277,7 +292,7 @@ class Store:
         if not name.strip():
             raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or 'last'")
         if (Path(name) / MANIFEST).is_file():
-            return RunRecord(Path(name).resolve())  # a run is named by its folder, and `.` has no name
+            return RunRecord(_named_folder(Path(name)))
         names = self._names()
         by_serial = [run for run in self._named_by(name, names) if run.serial() == name]
         exact = name in names and self._is_run(name)

@@ -119,8 +119,11 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
 
 
 def data_folder(record: RunRecord) -> Path:
-    """Return the data folder that a run lies in."""
-    return record.folder.resolve().parent
+    """Return the data folder that a run lies in; of one that was moved and linked back, the folder with the link.
+
+    The chain beside the link has the run. What lies beside the link's target says nothing of it.
+    """
+    return record.folder.parent.resolve()
 
 
 def finish_seal(record: RunRecord) -> bool:

@@ -121,7 +121,7 @@ def _placed(
                 found.jobs.append(job)
                 continue
         if here:
-            found.jobs.append(Job(run, serial, sha256, verdict, folder=str((data / run).resolve())))
+            found.jobs.append(Job(run, serial, sha256, verdict, folder=str(data.resolve() / run)))
         else:
             found.unreadable[run] = "is neither here nor in the archive"
     return found

@@ -20,6 +20,7 @@ CANNOT_LINK = (EPERM, EOPNOTSUPP, ENOSYS, EMLINK)
 """What a file system answers that has no hard links."""
 
 _LET_IN = "Give this user write permission"
+_LET_READ = "Give this user read permission for this file and its folders"
 _PUT_BACK = "Restore the missing folder of this path"
 NEXT_ACTIONS: dict[int, str] = {
     ENOSPC: "Free space on this disk",
@@ -41,6 +42,8 @@ VANISHED = "this file was deleted, moved or replaced while the program was writi
 def refused(path: Path, error: OSError, deed: str = "written") -> RecordError:
     """Return the error of a disk that refused a deed (written, flushed, read): place, its answer, and what to do."""
     action = NEXT_ACTIONS.get(error.errno or 0, OTHERWISE)
+    if action == _LET_IN and deed == "read":
+        action = _LET_READ
     return RecordError(f"{path}: cannot be {deed}: {error.strerror or error}. {action}")
 
 
@@ -56,6 +59,15 @@ def open_file(path: Path) -> BinaryIO:
         os.close(handle)
         raise OSError(EINVAL, "this is a folder, a pipe or a device, not a file", str(path))
     return os.fdopen(handle, "rb")
+
+
+def read_file(path: Path) -> bytes:
+    """Return the bytes of a file; RecordError where it cannot be read, or something else is in its place."""
+    try:
+        with open_file(path) as file:
+            return file.read()
+    except OSError as error:
+        raise refused(path, error, "read") from error
 
 
 def seen_text(found: os.stat_result) -> str:
@@ -219,7 +231,7 @@ def read_from_disk(path: Path) -> bytes:
 
     """
     try:
-        with path.open("rb") as file:
+        with open_file(path) as file:
             if hasattr(os, "posix_fadvise"):
                 os.fsync(file.fileno())
                 os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)

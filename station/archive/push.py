@@ -26,10 +26,11 @@ from station.archive.place import Place
 from station.archive.settings import ArchiveError
 from station.archive.trace_rows import digest_of, rows_in, trace_writer
 from station.documents.archived import ArchivedRun, ArchiveLine
-from station.documents.manifest import MANIFEST, Manifest
+from station.documents.manifest import Manifest
 from station.errors import RecordError, StationError
 from station.records.archive_note import Note, add_to_note, read_note
 from station.records.chain.chain_file import Chain
+from station.records.run_folders import is_run
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, fingerprint, is_sealed
 from station.wall_clock import now_text
@@ -134,7 +135,7 @@ def waiting(data: Path, note: Note) -> list[str]:
     """Return the runs of a data folder that are not in the archive yet, by their folders alone."""
     with os.scandir(data) as there:
         names = sorted(one.name for one in there if "Z-" in one.name)
-    return [name for name in names if name not in note.runs and (data / name / MANIFEST).is_file()]
+    return [name for name in names if name not in note.runs and is_run(data / name)]
 
 
 def _ready(data: Path, chain: Chain, note: Note, left_out: list[LeftOut]) -> Iterator[tuple[str, Manifest]]:

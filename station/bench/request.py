@@ -56,6 +56,7 @@ from station.bench.measuring import (
 from station.documents.commissioning import StepDone
 from station.errors import StationError
 from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
+from station.there import is_file, is_folder
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
 
@@ -254,10 +255,10 @@ def trace_file(name: str) -> Path | None:
 
     """
     path = Path(name)
-    if path.is_file():
+    if is_file(path):
         return path
     if path.suffix in TRACE_ENDINGS:
-        what = "is a folder; name the file in it" if path.is_dir() else "there is no such file"
+        what = "is a folder; name the file in it" if is_folder(path) else "there is no such file"
         raise StationError(f"{name}: {what}")
     return None
 

@@ -9,6 +9,7 @@ import sys
 import tempfile
 import traceback
 from dataclasses import asdict, dataclass
+from errno import ENAMETOOLONG
 from typing import NoReturn
 
 from station.errors import StationError
@@ -63,6 +64,10 @@ def errors_json(error: BaseException) -> str:
 
 
 EXIT_BAD_INPUT = 2
+LONGEST_NAME, LONGEST_PATH = 255, 4095
+"""What a file system takes, in bytes; most characters have one."""
+
+SHOWN = 40
 EXIT_BENCH = 4
 EXIT_PROGRAM_ERROR = 70
 """The program itself failed (EX_SOFTWARE of sysexits.h): none of the codes that say something about a unit."""
@@ -82,14 +87,29 @@ def _bad_input() -> tuple[type[Exception], ...]:
     return (StationError, *(getattr(loaded[module], name) for module, name in names if module in loaded))
 
 
+def _too_long(error: Exception) -> StationError | None:
+    """Return what is said of a name that no file can have, as a stuttering scanner gives it; None for another error.
+
+    The program's own names are short: a name that is too long was given by a person.
+    """
+    if not isinstance(error, OSError) or error.errno != ENAMETOOLONG:
+        return None
+    name = str(error.filename)
+    return StationError(
+        f"{name[:SHOWN]!r}...: found {len(os.fsencode(name))} bytes; allowed are {LONGEST_NAME} for the name of a file "
+        f"or folder, and {LONGEST_PATH} for a whole path. Scan or type it again"
+    )
+
+
 def can_be_mended(error: Exception) -> bool:
     """Whether a person can mend what was raised: bad input, not a failure of the program."""
     # The command line's own refusals show themselves; their class is not part of typer's interface.
-    return hasattr(error, "format_message") or isinstance(error, _bad_input())
+    return hasattr(error, "format_message") or isinstance(error, _bad_input()) or _too_long(error) is not None
 
 
 def refuse(error: Exception) -> NoReturn:
     """Tell what is wrong with the input, in words and, to a program that asked for it, as JSON; exit."""
+    error = _too_long(error) or error
     show = getattr(error, "show", None)
     if show is not None:
         show()

@@ -16,6 +16,7 @@ from station.documents.archived import ArchivedRun, ArchiveLine
 from station.documents.entries import plain
 from station.documents.reading import whole_lines
 from station.errors import RecordError
+from station.there import is_folder
 
 NOTE = "archive.jsonl"
 SETTINGS = "archive.yaml"
@@ -68,4 +69,4 @@ def only_archived(data: Path, name: str) -> list[str]:
         note = read_note(data)
     except RecordError:
         return []
-    return sorted(run for run in note.runs if name in run and not (data / run).is_dir())
+    return sorted(run for run in note.runs if name in run and is_folder(data / run) is False)

@@ -22,13 +22,14 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from station.atomic_file import refused, sync_folder
+from station.atomic_file import read_file, refused, sync_folder
 from station.documents.entries import plain
 from station.documents.reading import document_in
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
+from station.there import is_file, is_there
 from station.wall_clock import now_text
 
 LIST = "backup.json"
@@ -110,7 +111,8 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
 
 def below(data: Path) -> list[Path]:
     """Return the folders below a data folder that have a chain of their own: recoveries and jogs."""
-    return sorted(one.parent for one in data.glob(f"*/{CHAIN}"))
+    names = sorted(os.listdir(data))  # noqa: PTH208 - names are wanted
+    return [data / name for name in names if is_there(data / name / CHAIN)]
 
 
 def _refuse_while_on(data: Path) -> None:
@@ -141,7 +143,9 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: path.read_bytes() for path in (data / CHAIN, *(one / CHAIN for one in below(data))) if path.is_file()
+        path: read_file(path)
+        for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
+        if is_there(path) is not False
     }
     paths = list(_files(data))
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
@@ -149,7 +153,7 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
         for path in paths:
             name = path.relative_to(data).as_posix()
             if path not in chains:
-                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else path.read_bytes()))
+                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else read_file(path)))
                 told(len(rows))
         listed = FileList(format=FORMAT, made=made, files=tuple(rows))
         content = json.dumps(plain(listed), ensure_ascii=False).encode()
@@ -157,20 +161,39 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     return Kept(len(rows), sum(row.bytes for row in rows), made)
 
 
+def _unread(error: OSError) -> None:
+    """Refuse a folder that cannot be listed: a backup without it would be none."""
+    raise refused(Path(error.filename), error, "read") from error
+
+
 def _files(data: Path) -> Iterator[Path]:
-    for folder, folders, names in os.walk(data):
+    for folder, folders, names in os.walk(data, onerror=_unread):
         folders.sort()
+        for name in folders:  # a linked one is not walked into, and would be left out without a word
+            if _is_link(Path(folder) / name):
+                raise _no_file(Path(folder) / name)
         for name in sorted(names):
             path = Path(folder) / name
             at_top = Path(folder) == data
             if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
                 continue
-            if path.is_symlink() or not path.is_file():
-                raise RecordError(
-                    f"{path}: this is a link or a device. A data folder may have only files and folders. Move it out "
-                    "of the data folder"
-                )
+            if _is_link(path) or is_file(path) is False:
+                raise _no_file(path)
             yield path
+
+
+def _is_link(path: Path) -> bool:
+    try:
+        return path.is_symlink()
+    except OSError as error:
+        raise refused(path, error, "read") from error
+
+
+def _no_file(path: Path) -> RecordError:
+    return RecordError(
+        f"{path}: this is a link or a device. A backup has only files and folders. Put the folder or file in the place "
+        "of the link, or move it out of the data folder"
+    )
 
 
 def _database(path: Path) -> bytes:

@@ -20,14 +20,17 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place, writing_to
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place, writing_to
 from station.records.chain.entries import CREATED
+from station.records.chain.head import chain_seen_in
+from station.records.chain.old_index import INDEX
 from station.records.process_birth import process_birth
+from station.records.run_folders import STAMP, is_run, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
+from station.there import is_folder, is_there
 from station.wall_clock import WALL_CLOCK, now_text
 
-STAMP = "%Y%m%dT%H%M%S.%f"
 FORMAT_VERSION = 1
 LONGEST_SERIAL = 128
 LONGEST_REASON = 200
@@ -86,12 +89,17 @@ def _stamp(moment: datetime) -> str:
     return moment.strftime(STAMP)[:-3] + "Z"
 
 
-def _moment_of(name: str) -> datetime | None:
-    """Return the moment that a run's folder is named by; None for a folder that is named in another way."""
-    try:
-        return datetime.strptime(name.partition("Z-")[0], STAMP).replace(tzinfo=UTC)
-    except ValueError:
-        return None
+def _named_folder(path: Path) -> Path:
+    """Return the folder of a run by the path that a person names, whole.
+
+    A link in a data folder is not followed: a run that was moved and linked back is vouched for by the chain beside the
+    link. Any other link only leads to where the run lies.
+    """
+    if path.name in ("", ".."):  # a run is named by its folder, and these have no name
+        return path.resolve()
+    data = path.parent.resolve()
+    keeps_runs = any(is_there(data / name) is not False for name in (CHAIN, INDEX)) or chain_seen_in(data) is not None
+    return data / path.name if keeps_runs else path.resolve()
 
 
 def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
@@ -178,7 +186,7 @@ class Store:
     def _new_folder(self, serial: str, names: list[str]) -> RunRecord:
         """Make a folder that is not there yet, and whose name comes after these names."""
         latest = WALL_CLOCK.now() + FURTHEST_AHEAD
-        moments = ((name, _moment_of(name)) for name in sorted(names, reverse=True))
+        moments = ((name, moment_of(name)) for name in sorted(names, reverse=True))
         newest, before = next(((name, at) for name, at in moments if at is not None and at <= latest), ("", None))
         while True:
             now = WALL_CLOCK.now()
@@ -230,7 +238,7 @@ class Store:
     def _named_by(self, serial: str, names: list[str]) -> list[RunRecord]:
         end = f"-{_folder_name(serial)}"
         runs = (RunRecord(self.data / name) for name in names if name.endswith(end))
-        return [run for run in runs if run.has(MANIFEST)]
+        return [run for run in runs if is_run(run.folder)]
 
     def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
@@ -250,9 +258,7 @@ class Store:
 
     def runs(self) -> list[RunRecord]:
         """All runs, oldest first."""
-        if not self.data.is_dir():
-            return []
-        return [RunRecord(path.parent) for path in sorted(self.data.glob(f"*/{MANIFEST}"))]
+        return [RunRecord(self.data / name) for name in runs_there(self.data)]
 
     def newest(self, count: int) -> list[RunRecord]:
         """Return the newest runs, oldest first; folders that are no run are passed over, older ones are not touched."""
@@ -261,7 +267,7 @@ class Store:
     def newest_first(self) -> Iterator[RunRecord]:
         """Yield the runs from the newest on, each when it is asked for."""
         named = (RunRecord(self.data / name) for name in reversed(self._names()) if "Z-" in name)
-        return (run for run in named if run.has(MANIFEST))
+        return (run for run in named if is_run(run.folder))
 
     def by_id(self, run: str) -> RunRecord | None:
         """Return the run whose id this is, letter by letter; None where there is none."""
@@ -276,12 +282,12 @@ class Store:
         """
         if not name.strip():
             raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or 'last'")
-        if (Path(name) / MANIFEST).is_file():
-            return RunRecord(Path(name).resolve())  # a run is named by its folder, and `.` has no name
+        if is_there(Path(name) / MANIFEST) is not False:
+            return RunRecord(_named_folder(Path(name)))
         names = self._names()
         by_serial = [run for run in self._named_by(name, names) if run.serial() == name]
         exact = name in names and self._is_run(name)
-        if Path(name).is_dir() and not exact and not by_serial:
+        if is_folder(Path(name)) and not exact and not by_serial:
             raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
         archived = [] if name == "last" or exact or by_serial else only_archived(self.data, name)
@@ -310,4 +316,4 @@ class Store:
         raise StationError(f"{name}: no such run in {self.data}; the newest run is {newest}. See 'lostmotion list'")
 
     def _is_run(self, name: str) -> bool:
-        return (self.data / name / MANIFEST).is_file()
+        return is_run(self.data / name)

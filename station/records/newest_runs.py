@@ -20,6 +20,7 @@ from station.records.chain.lookup import ChainEnd
 from station.records.data_folder import Store
 from station.records.run_record import MANIFEST, RunRecord, only_simulated
 from station.records.seal import CONCLUDED, is_sealed
+from station.there import is_folder
 
 
 @dataclass(frozen=True)
@@ -42,8 +43,8 @@ class KnownRun:
 
     @property
     def here(self) -> bool:
-        """Whether the folder of the run is there."""
-        return self.record.folder.is_dir()
+        """Whether the folder of the run is there, or may be where nobody can look."""
+        return is_folder(self.record.folder) is not False
 
     @property
     def serial(self) -> str:

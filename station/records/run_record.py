@@ -33,6 +33,7 @@ from station.records.clocks import VIRTUAL, clock_of
 from station.records.process_birth import process_birth
 from station.records.run_lock import RunLock
 from station.records.samples.layout import CURRENT, LAYOUT, Layout, layout_in
+from station.there import is_there
 
 __all__ = [
     "CALIBRATION",
@@ -146,8 +147,8 @@ class RunRecord:
             raise refused(path, error, "removed") from error
 
     def has(self, name: str) -> bool:
-        """Whether the run has this file."""
-        return (self.folder / name).is_file()
+        """Whether the run has this file; one that nobody can look at is there, and who reads it is told why not."""
+        return is_there(self.folder / name) is not False
 
     def records(self) -> int:
         """Complete scan records on disk; none where nobody can tell."""

@@ -7,7 +7,6 @@ import struct
 import sys
 from collections.abc import Collection
 from contextlib import suppress
-from errno import ENOENT, ENOTDIR
 from pathlib import Path
 from typing import NamedTuple
 
@@ -31,10 +30,10 @@ from station.records.ring.ring import (
 )
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
+from station.there import NOT_THERE
 from station.wall_clock import WALL_CLOCK
 
 HEADER = struct.Struct(f"={RUN_AT // 8}Q")
-NOT_THERE = (ENOENT, ENOTDIR)
 GONE_FOR_S = 3600
 """A folder that is missed may have been moved, and its run needs the records in the ring: they stay for so long."""
 

@@ -39,6 +39,7 @@ from station.records.run_record import (
     TIMING,
     RunRecord,
 )
+from station.there import is_there
 
 PROFILES = "profiles"
 CONCLUDED = ".run.json.concluded"
@@ -119,8 +120,11 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
 
 
 def data_folder(record: RunRecord) -> Path:
-    """Return the data folder that a run lies in."""
-    return record.folder.resolve().parent
+    """Return the data folder that a run lies in; of one that was moved and linked back, the folder with the link.
+
+    The chain beside the link has the run. What lies beside the link's target says nothing of it.
+    """
+    return record.folder.parent.resolve()
 
 
 def finish_seal(record: RunRecord) -> bool:
@@ -136,7 +140,7 @@ def finish_seal(record: RunRecord) -> bool:
         return False
     data = data_folder(record)
     for name in (CHAIN, INDEX):
-        if (data / name).exists():
+        if is_there(data / name) is not False:
             read_from_disk(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
     found = fingerprint(record.folder / CONCLUDED).sha256
     if found not in _vouched(Chain(data), record.id):
@@ -160,7 +164,7 @@ def _sealed_entries(chain: Chain, run: str) -> list[Entry]:
 def vouched_for(record: RunRecord) -> str:
     """Return the name of the file beside a run that vouches for its run.json: chain, index or '' for none."""
     data = data_folder(record)
-    return next((name for name in (CHAIN, INDEX) if (data / name).is_file()), "")
+    return next((name for name in (CHAIN, INDEX) if is_there(data / name) is not False), "")
 
 
 def _put_in_place(record: RunRecord) -> None:
@@ -244,7 +248,8 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
     if not chain.there:
         if chain_seen_in(chain.data) is not None:
             return [f"{CHAIN}: is missing, and this computer has written one in this folder"]
-        return _against_index(record, manifest, index_content(chain.data)) if (chain.data / INDEX).is_file() else []
+        has_index = is_there(chain.data / INDEX) is not False
+        return _against_index(record, manifest, index_content(chain.data)) if has_index else []
     named = [] if run == record.id else [f"{MANIFEST}: is that of run {run}; the folder was copied or renamed"]
     entries = _sealed_entries(chain, run)
     keys = trust_of(chain).keys if trusted is None else trusted

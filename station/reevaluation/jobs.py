@@ -14,11 +14,12 @@ from station.archive.ask import ask
 from station.archive.identity import recognise
 from station.archive.place import Place
 from station.archive.settings import ArchiveSettings
-from station.documents.manifest import MANIFEST, VERDICTS
+from station.documents.manifest import VERDICTS
 from station.records.archive_note import Address, Note, read_note
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import SEALED
 from station.records.chain.walk import trust_of
+from station.records.run_folders import is_run
 from station.reevaluation.evaluate_one import Job
 from station.reevaluation.question import ReevaluationError
 from station.store.quality.lot import Production, production
@@ -114,14 +115,14 @@ def _placed(
     found = Wanted([], {})
     for run, serial, sha256, verdict in rows:
         address = note.runs.get(run)
-        here = (data / run / MANIFEST).is_file()
+        here = is_run(data / run)
         if address is not None and address.run.sha256 == sha256 and (not here or not whole_record):
             job = _archived(Job(run, serial, sha256, verdict), address, archive, whole_record=whole_record)
             if job is not None:
                 found.jobs.append(job)
                 continue
         if here:
-            found.jobs.append(Job(run, serial, sha256, verdict, folder=str((data / run).resolve())))
+            found.jobs.append(Job(run, serial, sha256, verdict, folder=str(data.resolve() / run)))
         else:
             found.unreadable[run] = "is neither here nor in the archive"
     return found

@@ -25,6 +25,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
 from station.records.folder_check import folder_problems, runs_before
+from station.records.run_folders import moment_of, runs_there
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
 from station.store.engine import IN_MEMORY, Database, StoreError
@@ -33,6 +34,7 @@ from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals
 from station.store.projection import seen_files
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
+from station.there import NOT_THERE
 
 EVERY_FILE_OF = 200
 """Newest runs of which every file is compared, and not run.json alone."""
@@ -175,15 +177,16 @@ def _tell(done: int, there: int) -> None:
 
 
 def _folders(data: Path) -> dict[str, str]:
-    """Return every folder with a run.json, in order, and what is seen of that file."""
+    """Return every folder that is a run, in order, and what is seen of its run.json; as `is_run`."""
     found = {}
     handle = os.open(data, os.O_RDONLY | os.O_DIRECTORY)
     try:
         for name in sorted(os.listdir(handle)):  # noqa: PTH208 - as in `seen`
             try:  # what `seen` does, without a call for each of twenty thousand
                 found[name] = seen_text(os.stat(f"{name}/{MANIFEST}", dir_fd=handle))
-            except OSError:
-                continue
+            except OSError as error:
+                if error.errno not in NOT_THERE and moment_of(name) is not None:
+                    found[name] = ""  # as `seen` has of it: who reads it is told why nobody can
     finally:
         os.close(handle)
     return found
@@ -283,7 +286,7 @@ def another_recipe(data: Path, name: str, revision: int, sha256: str, *, most_s:
 
 def _bring_in_older(database: Database, chain: Chain, most_s: float) -> None:
     """Put runs from before the chain into a store that does not have them yet, for a bounded time."""
-    older = runs_before(chain)[0] if chain.there else {path.parent.name for path in chain.data.glob(f"*/{MANIFEST}")}
+    older = runs_before(chain)[0] if chain.there else set(runs_there(chain.data))
     if not older:
         return
     end = time.monotonic() + most_s

@@ -24,6 +24,7 @@ from station.results.csv_cells import text_cell
 from station.store.archived import bring_up_archived
 from station.store.engine import StoreError
 from station.store.view import opened, warn
+from station.there import is_folder
 
 EXIT_PROBLEMS = 1
 MOST_SHOWN = 20
@@ -126,7 +127,7 @@ def _state(data: Path, settings: ArchiveSettings, note: Note) -> ArchiveState:
         bytes=sum(line.full.bytes for line in note.lines),
         trace_bytes=sum(one.bytes for one in traces),
         waiting=len(waiting(data, note)),
-        only_archived=sum(not (data / run).is_dir() for run in note.runs),
+        only_archived=sum(is_folder(data / run) is False for run in note.runs),
     )
 
 

@@ -25,6 +25,7 @@ from station.records.chain.entries import CREATED, LOST, REMOVED, START, Entry, 
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
 from station.records.chain.old_index import MANIFEST, BeforeChain, before_the_chain
+from station.there import is_there
 from station.wall_clock import now_text
 
 CHAIN = "chain.jsonl"
@@ -60,8 +61,8 @@ class Chain:
 
     @property
     def there(self) -> bool:
-        """Whether the folder has a chain."""
-        return self.path.is_file()
+        """Whether the folder has a chain; one that nobody can look at is there, and cannot be read."""
+        return is_there(self.path) is not False
 
     @property
     def content(self) -> bytes:
@@ -274,7 +275,8 @@ class ChainWriter:
     def _settle(self, last: Entry) -> None:
         """Give the run.json of a run its name whose process was killed behind the run's first line."""
         if last.kind == CREATED:
-            put_created_in_place(self._data / str(last.fields["run"]))
+            with suppress(OSError):  # that run cannot be looked at now: it is told by who reads it, and no matter here
+                put_created_in_place(self._data / str(last.fields["run"]))
 
 
 @contextmanager
@@ -300,8 +302,14 @@ def writing_to(data: Path) -> Iterator[ChainWriter]:
 
 
 def put_created_in_place(folder: Path) -> None:
-    """Give the run.json of a run that was just created its name; a run that has one already keeps it."""
-    if (folder / MANIFEST).exists():
+    """Give the run.json of a run that was just created its name; a run that has one already keeps it.
+
+    Raises:
+        OSError: nobody can look into the folder, or the disk refuses it.
+
+    """
+    with suppress(FileNotFoundError):
+        (folder / MANIFEST).stat()
         return
     with suppress(FileNotFoundError):
         (folder / CREATED_MANIFEST).replace(folder / MANIFEST)

@@ -10,6 +10,11 @@ import json
 from dataclasses import dataclass
 from pathlib import Path
 
+from station.atomic_file import read_file
+from station.errors import RecordError
+from station.records.run_folders import runs_there
+from station.there import is_there
+
 INDEX = "index.jsonl"
 """Name of the file, beside the folders of the runs."""
 
@@ -43,10 +48,15 @@ def index_lines(content: bytes, run_id: str) -> list[IndexLine]:
 
 
 def before_the_chain(data: Path) -> BeforeChain | None:
-    """Return what a chain keeps of the runs that were there before it; None for a folder without any."""
+    """Return what a chain keeps of the runs that were there before it; None for a folder without any.
+
+    Raises:
+        RecordError: the index is there and cannot be read: a chain without it would disown all these runs.
+
+    """
     content = index_content(data)
     named = {line.run for line in _lines(content)}
-    there = sorted(path.parent.name for path in data.glob(f"*/{MANIFEST}"))
+    there = runs_there(data)
     if not content and not there:
         return None
     return BeforeChain(
@@ -57,10 +67,13 @@ def before_the_chain(data: Path) -> BeforeChain | None:
 
 
 def index_kept(data: Path, before: BeforeChain | None) -> bytes | None:
-    """Return the index as the chain keeps it; None where it is not that any more."""
+    """Return the index as the chain keeps it; None where it is not that any more, or cannot be read."""
     if before is None:
         return None
-    content = index_content(data)[: before.bytes]
+    try:
+        content = index_content(data)[: before.bytes]
+    except RecordError:
+        return None
     return content if hashlib.sha256(content).hexdigest() == before.sha256 else None
 
 
@@ -70,11 +83,8 @@ def runs_in(content: bytes) -> set[str]:
 
 
 def index_content(data: Path) -> bytes:
-    """Return the bytes of a folder's index; none where it has none."""
-    try:
-        return (data / INDEX).read_bytes()
-    except OSError:
-        return b""
+    """Return the bytes of a folder's index, none where it has none; RecordError where it cannot be read."""
+    return b"" if is_there(data / INDEX) is False else read_file(data / INDEX)
 
 
 def _lines(content: bytes) -> list[IndexLine]:

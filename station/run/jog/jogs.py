@@ -22,6 +22,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.program_file import PROGRAM
 from station.records.run_record import RunRecord
+from station.records.seal import data_folder
 from station.run.way_back.last_run import last_run_of, why_not_free
 from station.run.way_back.recoveries import NEWEST_LOOKED_AT, recoveries
 
@@ -114,7 +115,7 @@ def find_record(data: Path, name: str) -> tuple[RunRecord, bool]:
     below = jogs(data)
     found = below.by_id(name) if name.strip() else None
     run = Store(data).find(name) if found is None else found
-    return run, run.folder.resolve().parent.name == FOLDER and run.has(PROGRAM) and program_of(run).jog is not None
+    return run, data_folder(run).name == FOLDER and run.has(PROGRAM) and program_of(run).jog is not None
 
 
 def why_no_jog(data: Path, job: Job) -> str:

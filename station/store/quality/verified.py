@@ -16,6 +16,7 @@ from station.store.outbox import catch_up, put_runs
 from station.store.places import store_is_there
 from station.store.tables import RUNS
 from station.store.view import opened
+from station.there import is_folder
 
 
 def tell_store(data: Path, altered: Collection[str], *, samples: bool) -> None:
@@ -40,6 +41,6 @@ def tell_store(data: Path, altered: Collection[str], *, samples: bool) -> None:
         found = set(altered)
         # Of samples whose size alone was looked at, nobody can say that they are as they were again.
         other = {run for run, text in rows.items() if bool(text) != (run in found) and (run in found or samples)}
-        put_runs(database, chain, [run for run in other if (data / run).is_dir()], samples=samples)
+        put_runs(database, chain, [run for run in other if is_folder(data / run) is not False], samples=samples)
     finally:
         database.close()

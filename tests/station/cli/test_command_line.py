@@ -270,3 +270,32 @@ def test_a_process_of_its_own_says_the_same(args: tuple[str, ...], tmp_path: Pat
     words = (*args, *(("--data", str(tmp_path)) if args[0] == "show" else ()))
     done, same = command(*words), here(*words)
     assert (done.returncode, done.stdout, done.stderr) == (same.exit_code, same.out, same.err)
+
+
+STUTTERED = "1234567890" * 30
+"""What a scanner gives that repeats itself; no file can have this name."""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        *((command, STUTTERED) for command in ("show", "report", "export", "replay", "analyze", "resume", "conclude")),
+        ("show", "x/" * 2500),
+        ("check", STUTTERED),
+        ("run", STUTTERED, "--serial", "N"),
+        ("run", "rv-40e-121-quick", "--serial", "N", "--seed", "1", "--bench", STUTTERED),
+        ("analyze", f"{STUTTERED}.csv"),
+        ("list", "--data", STUTTERED),
+        ("verify", "--data", STUTTERED),
+        ("run", "rv-40e-121-quick", "--serial", "N", "--virtual-time", "--data", STUTTERED),
+    ],
+    ids=lambda words: " ".join(words)[:40],
+)
+def test_an_argument_that_is_too_long_is_refused_and_no_failure_of_the_program(
+    words: tuple[str, ...], golden_run: Any
+) -> None:
+    of_a_run = () if "--data" in words or words[0] == "check" else ("--data", str(golden_run.data))
+    told = here(*words, *of_a_run)
+    assert told.exit_code == 2, told
+    assert "Traceback" not in told.err
+    assert told.err.count("\n") <= 4, told.err

@@ -126,6 +126,14 @@ def test_a_server_that_is_on_does_not_keep_its_accounts_out_of_it(data: Path, tm
     assert (tmp_path / "again" / FILE).stat().st_mode & 0o077 == 0
 
 
+def test_a_run_behind_a_link_is_not_left_out_without_a_word(data: Path, tmp_path: Path) -> None:
+    run = Store(data).find("last").folder
+    run.symlink_to(run.rename(tmp_path / run.name))
+    with pytest.raises(StationError, match=f"{run.name}: this is a link"):
+        back_up(data, tmp_path / "b.tar")
+    assert not (tmp_path / "b.tar").exists()
+
+
 def cut(file: Path) -> None:
     file.write_bytes(file.read_bytes()[: file.stat().st_size // 2])
 

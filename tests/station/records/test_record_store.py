@@ -170,7 +170,7 @@ def test_what_to_do_about_a_disk_depends_on_what_it_answered(tmp_path: Path, num
     for deed in ("written", "flushed", "read"):
         text = str(refused(tmp_path / "samples.bin", OSError(number, os.strerror(number)), deed))
         assert text.startswith(f"{tmp_path}/samples.bin: cannot be {deed}: ")
-        assert action in text
+        assert (action.replace("write permission", "read permission") if deed == "read" else action) in text
         assert ("Free" in text) is (number in (errno.ENOSPC, errno.EDQUOT))
         assert (number in NEXT_ACTIONS) is (not text.endswith("Check the disk"))
 

@@ -24,11 +24,11 @@ from station.records.revisions.revision import Revision
 from station.records.revisions.writing import save_draft
 from station.records.run_record import RESULT, RunRecord
 from station.store.plant.meanings import number_of, numbers_of
-from station.store.projection import meaning_of
 from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, Production
 from station.store.quality.trial import Flip, Rule, TriedSide, flipped, flips, tried_runs, tried_sides
 from station.store.quality.values import Characteristic, ValueRow, characteristic, newest_run, values
+from station.store.rows.projection import meaning_of
 
 LEAST_VALUES = 10
 """Values from which on a process is told from its sample."""

@@ -18,10 +18,10 @@ from station.records.chain.chain_file import Chain, folder_id
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Place, Walk, walk
 from station.records.run_record import MANIFEST, RunRecord
-from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
 from station.store.plant.removals import put_removals
-from station.store.projection import put_runs_apart, remove_chain, remove_rows, rows_of
+from station.store.rows.archived import put_archived
+from station.store.rows.projection import put_runs_apart, remove_chain, remove_rows, rows_of
 from station.store.tables import PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100

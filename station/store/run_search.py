@@ -16,7 +16,7 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.store.attempts import attempts_told, not_passed
 from station.store.outbox import catch_up, put_runs
 from station.store.plant.removals import removals_now
-from station.store.projection import seen, seen_files
+from station.store.rows.projection import seen, seen_files
 from station.store.stored_runs import Span, StoredRun, Wanted, believed, newest_meant, number_of, runs_named, total_of
 from station.store.view import opened
 

@@ -32,7 +32,7 @@ from station.store.engine import IN_MEMORY, Database, StoreError
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals
-from station.store.projection import seen_files
+from station.store.rows.projection import seen_files
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 from station.there import NOT_THERE
 

@@ -30,7 +30,7 @@ from station.records.samples.layout import CURRENT
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES
 from station.reports.stored_result import refuse_doubtful
-from station.store.projection import seen, seen_files
+from station.store.rows.projection import seen, seen_files
 from station.store.view import bring_up
 
 if TYPE_CHECKING:

@@ -21,8 +21,8 @@ from station.documents.archived import ArchiveLine
 from station.records.archive_note import Note, read_note
 from station.records.chain.chain_file import Chain
 from station.results.csv_cells import text_cell
-from station.store.archived import bring_up_archived
 from station.store.engine import StoreError
+from station.store.rows.archived import bring_up_archived
 from station.store.view import opened, warn
 from station.there import is_folder
 

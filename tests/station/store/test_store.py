@@ -38,12 +38,12 @@ from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
 from station.store.outbox import catch_up, rebuild
 from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
 from station.store.plant.months import is_partition
-from station.store.projection import seen_files
 from station.store.quality.counts import GROUPINGS, Verdicts
 from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips
 from station.store.quality.values import characteristic
+from station.store.rows.projection import seen_files
 from station.store.table_counts import all_rows, behind, counts
 from station.store.view import bring_up, look_at, opened
 

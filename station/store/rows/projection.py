@@ -28,7 +28,7 @@ from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, ho
 from station.store.plant.meanings import Meaning, number_of, put_meanings
 from station.store.plant.months import make_months
 from station.store.plant.retests import note_retests, serials_of
-from station.store.shared_rows import REFERENCES, drop_unnamed, file_rows, put_shared, shared_by, unit_rows
+from station.store.rows.shared_rows import REFERENCES, drop_unnamed, file_rows, put_shared, shared_by, unit_rows
 from station.store.tables import Row, Rows
 
 MOST_AT_ONCE = 500

@@ -51,10 +51,10 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
 
     """
     chain = Chain(data)
-    found = walk(chain)
     trust = trust_of(chain, named)
+    found = walk(chain, trusted=trust.keys)
     problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, trust)]
-    problems += attempt_problems(found)
+    problems += attempt_problems(found, trust)
     runs = Store(data).runs()
     chain.index()
     if chain.there:

@@ -22,7 +22,7 @@ from station.store.archived import put_archived
 from station.store.engine import Database, StoreError
 from station.store.plant.removals import put_removals
 from station.store.projection import put_rows, remove_rows, rows_of
-from station.store.tables import PROJECTIONS, REMOVALS, RUNS
+from station.store.tables import ATTEMPTS, PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100
 """Runs that are put into the store at a time: they are kept together, and others may write between two batches."""
@@ -167,7 +167,8 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> int:
         stored = _entries_there(connection, chain)
         remove_rows(connection, folder_id(chain.data))  # from before the chain: they are put in again
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
-        remove_rows(connection, chain.id, [run for run, entry in stored.items() if entry and run not in known])
+        named_then = _begun_there(connection, chain).union(run for run, entry in stored.items() if entry)
+        remove_rows(connection, chain.id, sorted(named_then - known))
         put_archived(connection, chain)
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
     else:
@@ -202,6 +203,12 @@ def _entries_there(connection: Connection, chain: Chain, runs: Collection[str] |
     asked = select(RUNS.c.run, RUNS.c.entry_sha256).where(RUNS.c.chain == chain.id)
     rows = connection.execute(asked if runs is None else asked.where(RUNS.c.run.in_(runs)))
     return dict(rows.tuples().all())
+
+
+def _begun_there(connection: Connection, chain: Chain) -> set[str]:
+    """Return the runs in the store that a line of the chain has begun, concluded or not."""
+    begun = select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id, ATTEMPTS.c.counter.is_not(None))
+    return set(connection.execute(begun).scalars())
 
 
 def _end_of_batch(chain: Chain, offset: int) -> int:

@@ -24,6 +24,7 @@ from station.records.attempts import earlier_attempts
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.lookup import last_attempt
+from station.records.chain.old_index import is_text
 from station.records.chain.writing import writing_to
 from station.records.process_birth import process_birth
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
@@ -207,7 +208,7 @@ class Store:
             if kept is not None and kept[0] == seen:
                 return kept[1]
             with os.scandir(self.data) as there:
-                names = sorted(entry.name for entry in there)
+                names = sorted(entry.name for entry in there if is_text(entry.name))
         except OSError:
             return []
         # Of a folder that changed just now, the next change may have the same time.
@@ -260,10 +261,12 @@ class Store:
         return attempt
 
     def runs(self) -> list[RunRecord]:
-        """All runs, oldest first."""
-        if not self.data.is_dir():
-            return []
-        return [RunRecord(path.parent) for path in sorted(self.data.glob(f"*/{MANIFEST}"))]
+        """All runs, oldest first; without folders whose names are no text: nobody can name them."""
+        return [RunRecord(self.data / name) for name in self.folders() if is_text(name)]
+
+    def folders(self) -> list[str]:
+        """Names of all folders with a run.json, sorted; they need not be text."""
+        return sorted(path.parent.name for path in self.data.glob(f"*/{MANIFEST}")) if self.data.is_dir() else []
 
     def newest(self, count: int) -> list[RunRecord]:
         """Return the newest runs, oldest first; folders that are no run are passed over, older ones are not touched."""

@@ -37,6 +37,15 @@ class BeforeChain:
     unconcluded: tuple[str, ...]
 
 
+def is_text(name: str) -> bool:
+    """Whether the name of a folder is text, which a line can hold: on the disk it may be any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def index_lines(content: bytes, run_id: str) -> list[IndexLine]:
     """Return the lines of an index that name a run."""
     return [line for line in _lines(content) if line.run == run_id]
@@ -46,7 +55,7 @@ def before_the_chain(data: Path) -> BeforeChain | None:
     """Return what a chain keeps of the runs that were there before it; None for a folder without any."""
     content = index_content(data)
     named = {line.run for line in _lines(content)}
-    there = sorted(path.parent.name for path in data.glob(f"*/{MANIFEST}"))
+    there = sorted(name for path in data.glob(f"*/{MANIFEST}") if is_text(name := path.parent.name))
     if not content and not there:
         return None
     return BeforeChain(

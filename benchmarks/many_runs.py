@@ -14,8 +14,8 @@ from unittest import mock
 
 from station.atomic_file import as_json
 from station.documents.entries import plain
-from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import CREATED, SEALED
+from station.records.chain.writing import writing_to
 from station.records.run_record import RunRecord
 from station.records.seal import fingerprint, sealed_names
 

@@ -14,16 +14,19 @@ from datetime import UTC, datetime, timedelta
 from itertools import islice
 from pathlib import Path
 
+from definitions.number_formats import LARGEST_COUNT
 from station.atomic_file import seen_text, sync_folder
 from station.documents.entries import plain
 from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place, writing_to
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
-from station.records.chain.old_index import INDEX
+from station.records.chain.lookup import last_attempt
+from station.records.chain.old_index import INDEX, is_text
+from station.records.chain.writing import writing_to
 from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
@@ -131,14 +134,15 @@ class Store:
         lock is released or the process ends.
 
         Raises:
-            RecordError: the folder or its chain cannot be written, or this computer has no key to sign with.
+            RecordError: the folder or its chain cannot be written, this computer has no key to sign with, or the
+                attempts of this serial number have come to their end.
 
         """
         try:
             self.data.mkdir(parents=True, exist_ok=True)
             with writing_to(self.data) as chain:
                 names = self._names()
-                attempt = self._next_attempt(serial, names, chain.chain)
+                attempt, place = self._next_attempt(serial, names, chain.chain), chain.next_place
                 before = () if setup.recovery_of is not None else self._attempts(serial, names)
                 record = self._new_folder(serial, [chain.newest_run, *names])
                 if own:
@@ -149,7 +153,7 @@ class Store:
                     serial=serial,
                     attempt=attempt,
                     state=RECORDING,
-                    chain=chain.next_place,
+                    chain=place,
                     recipe=setup.recipe,
                     bench=setup.bench,
                     software=setup.software,
@@ -211,7 +215,7 @@ class Store:
             if kept is not None and kept[0] == seen:
                 return kept[1]
             with os.scandir(self.data) as there:
-                names = sorted(entry.name for entry in there)
+                names = sorted(entry.name for entry in there if is_text(entry.name))
         except OSError:
             return []
         # Of a folder that changed just now, the next change may have the same time.
@@ -245,20 +249,31 @@ class Store:
 
         A damaged run that the chain does not know counts, for it may have been one of this serial number.
         """
-        highest, damaged = chain.last_attempt(serial), 0
+        highest, damaged, where = last_attempt(self.data, serial), 0, chain.path
         for record in self._named_by(serial, names):
             try:
                 manifest = record.manifest()
             except RecordError:
                 damaged += not chain.entries_of(record.id)
                 continue
-            if manifest.serial == serial:
-                highest = max(highest, manifest.attempt)
-        return 1 + highest + damaged
+            if manifest.serial == serial and manifest.attempt > highest:
+                highest, where = manifest.attempt, record.folder / MANIFEST
+        attempt = 1 + highest + damaged
+        if attempt > LARGEST_COUNT:
+            raise RecordError(
+                f"{where}: has attempt {highest} of {serial}; allowed is at most {LARGEST_COUNT - 1} before another "
+                "attempt. Run 'lostmotion verify' and restore what it names, or move the run's folder out of the data "
+                "folder"
+            )
+        return attempt
 
     def runs(self) -> list[RunRecord]:
-        """All runs, oldest first."""
-        return [RunRecord(self.data / name) for name in runs_there(self.data)]
+        """All runs, oldest first; without folders whose names are no text: nobody can name them."""
+        return [RunRecord(self.data / name) for name in self.folders() if is_text(name)]
+
+    def folders(self) -> list[str]:
+        """Names of all folders that are runs, sorted; they need not be text."""
+        return runs_there(self.data)
 
     def newest(self, count: int) -> list[RunRecord]:
         """Return the newest runs, oldest first; folders that are no run are passed over, older ones are not touched."""

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import os
+from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from pathlib import Path
 
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain
 from station.records.chain.entries import Entry
-from station.records.chain.old_index import INDEX, index_kept, runs_in
+from station.records.chain.old_index import INDEX, index_kept, is_text, runs_in
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Walk
 from station.records.run_record import RunRecord
@@ -54,6 +55,13 @@ def folder_problems(
         for run in lost
         if not RunRecord(data / run).has(CREATED_MANIFEST)
     ]
+
+
+def name_problems(names: Iterable[str]) -> list[Problem]:
+    """Return the folders of runs, among these, whose names are no text, so that no chain can name them."""
+    shown = [os.fsencode(name).decode("utf-8", "backslashreplace") for name in names if not is_text(name)]
+    text = "the name of this folder is not UTF-8, so this run is not in the chain"
+    return [Problem("not_in_chain", name, f"{name}: {text}") for name in shown]
 
 
 def runs_before(chain: Chain) -> tuple[set[str], list[Problem]]:

@@ -18,12 +18,13 @@ from station.documents.manifest import ChainPlace, Checksum, Manifest, PackedSam
 from station.documents.reading import document_in
 from station.documents.result import Decided
 from station.errors import RecordError
-from station.records.chain.chain_file import CHAIN, Chain, writing_to
+from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import CREATED, Entry
 from station.records.chain.entries import SEALED as SEALED_ENTRY
 from station.records.chain.head import chain_seen_in
 from station.records.chain.old_index import INDEX, index_content, index_kept, index_lines
 from station.records.chain.walk import trust_of, whole_between
+from station.records.chain.writing import writing_to
 from station.records.ring.ring import FILE_PREFIX
 from station.records.run_record import (
     BENCH_COPY,

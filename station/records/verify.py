@@ -13,7 +13,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
 from station.records.data_folder import Store
-from station.records.folder_check import about_run, folder_problems, runs_before
+from station.records.folder_check import about_run, folder_problems, name_problems, runs_before
 from station.records.revisions.history import History
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
@@ -68,11 +68,12 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
 
 def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: AbstractSet[str], *, samples: bool) -> Verified:
     """Hold a folder against its chain as that was read; the files of runs that were found sound are not read again."""
-    found = walk(chain)
     trust = trust_of(chain, named)
+    found = walk(chain, trusted=trust.keys)
     problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, trust)]
-    problems += attempt_problems(found)
+    problems += attempt_problems(found, trust)
     runs = Store(data).runs()
+    problems += name_problems(Store(data).folders())
     chain.index()
     if chain.there:
         before, old_problems = runs_before(chain)

@@ -22,7 +22,7 @@ from station.store.engine import Database, StoreError
 from station.store.plant.removals import put_removals
 from station.store.rows.archived import put_archived
 from station.store.rows.projection import put_runs_apart, remove_chain, remove_rows, rows_of
-from station.store.tables import PROJECTIONS, REMOVALS, RUNS
+from station.store.tables import ATTEMPTS, PROJECTIONS, REMOVALS, RUNS
 
 BATCH = 100
 """Runs that are put into the store at a time: they are kept together, and others may write between two batches."""
@@ -168,18 +168,18 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
         begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)
     limit = _end_of_batch(chain, begin.offset)
     found = walk(chain, begin, limit)
-    named = [run for run in dict.fromkeys((*found.created, *found.sealed)) if _may_be_stored(run)]
+    named = list(dict.fromkeys((*found.created, *found.sealed)))
     if begin.offset == 0:
         stored = _entries_there(connection, chain)
         remove_chain(connection, folder_id(chain.data))  # from before the chain: they are put in again
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
-        remove_rows(connection, chain, [run for run, entry in stored.items() if entry and run not in known])
+        named_then = _begun_there(connection, chain).union(run for run, entry in stored.items() if entry)
+        remove_rows(connection, chain, sorted(named_then - known))
         put_archived(connection, chain)
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
     else:
         stored = _entries_there(connection, chain, named)
-    removed = {run: line for run, line in found.removed.items() if _may_be_stored(run + str(line.fields["rule"]))}
-    put_removals(connection, chain, removed)
+    put_removals(connection, chain, found.removed)
     runs = [
         RunRecord(chain.data / run)
         for run in named
@@ -205,16 +205,17 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
     return left, found.place.offset
 
 
-def _may_be_stored(text: str) -> bool:
-    """Whether a text of the chain can be in a database: no run, and no rule, has such a name otherwise."""
-    return "\0" not in text and not any("\ud800" <= letter <= "\udfff" for letter in text)
-
-
 def _entries_there(connection: Connection, chain: Chain, runs: Collection[str] | None = None) -> dict[str, str | None]:
     """Return the hash of the line that concluded each of these runs, as far as the store has it; None: of all."""
     asked = select(RUNS.c.run, RUNS.c.entry_sha256).where(RUNS.c.chain == chain.id)
     rows = connection.execute(asked if runs is None else asked.where(RUNS.c.run.in_(runs)))
     return dict(rows.tuples().all())
+
+
+def _begun_there(connection: Connection, chain: Chain) -> set[str]:
+    """Return the runs in the store that a line of the chain has begun, concluded or not."""
+    begun = select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id, ATTEMPTS.c.counter.is_not(None))
+    return set(connection.execute(begun).scalars())
 
 
 def _end_of_batch(chain: Chain, offset: int) -> int:

@@ -25,8 +25,8 @@ from recipes.text.section import refusal
 from station.atomic_file import sync_folder
 from station.documents.manifest import MANIFEST, Manifest
 from station.errors import RecordError, StationError
-from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import REMOVED
+from station.records.chain.writing import writing_to
 from station.records.clocks import VIRTUAL, clock_of
 from station.records.data_folder import Store
 from station.records.run_record import BENCH_COPY, RECIPE_COPY, RESULT, RunRecord

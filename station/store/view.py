@@ -22,9 +22,10 @@ from sqlalchemy import Connection, select
 from station.atomic_file import seen_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
+from station.records.chain.old_index import is_text
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
-from station.records.folder_check import folder_problems, runs_before
+from station.records.folder_check import folder_problems, name_problems, runs_before
 from station.records.run_folders import moment_of, runs_there
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
@@ -118,7 +119,8 @@ def warn(text: str) -> None:
 
 def _looked(data: Path, chain: Chain, database: Database) -> View:
     catch_up(database, chain, told=_tell)
-    folders = _folders(data)
+    there = _folders(data)
+    folders = {name: seen_then for name, seen_then in there.items() if is_text(name)}
     with database.reading() as connection:
         stored, altered = _stored(connection, chain)
         files = _files_of_newest(connection, chain, folders)
@@ -142,7 +144,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     named = folder_problems(data, known, held, _About(database, chain), removed)
     told = {problem.run for problem in named}
     view.problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, view.trust)]
-    view.problems += [*old_problems, *named]
+    view.problems += [*old_problems, *named, *name_problems(there)]
     view.problems += [
         Problem("altered", run, f"{run}: {text}")
         for run, texts in altered.items()
@@ -292,7 +294,7 @@ def _bring_in_older(database: Database, chain: Chain, most_s: float) -> None:
     end = time.monotonic() + most_s
     with database.reading() as connection:
         begun = set(connection.execute(select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id)).scalars())
-    new = sorted(older - begun, reverse=True)
+    new = sorted(filter(is_text, older - begun), reverse=True)
     while new and time.monotonic() < end:
         put_runs(database, chain, new[:BATCH])
         new = new[BATCH:]

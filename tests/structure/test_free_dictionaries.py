@@ -17,7 +17,7 @@ NAMED = {
     "station/log.py": {"Event"},
     "station/records/chain/entries.py": {"Fields"},
     "station/results/evaluation.py": {"Channels"},
-    "station/store/projection.py": {"Row"},
+    "station/store/tables.py": {"Row"},
     "station/web/pages/loop_figure.py": {"Figure"},
     "station/web/pages/quality_figures.py": {"Options"},
     "station/web/rest/answers.py": {"Documented"},

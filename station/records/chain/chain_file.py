@@ -1,37 +1,27 @@
-"""The file of a chain, `chain.jsonl` beside the runs: looked into by bytes, and added to by one process at a time.
+"""The file of a chain, `chain.jsonl` beside the runs, looked into by bytes.
 
-Lines are only added. One that a power failure has torn is no entry, and no part of the next one. A process that was
-killed behind its line leaves the next one only a file to give its name: the line decides.
+Lines are only added (`writing`). One that a power failure has torn is no entry, and no part of the next one. A process
+that was killed behind its line leaves the next one only a file to give its name: the line decides.
 """
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
-import secrets
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from errno import ENOSPC
+from contextlib import suppress
 from pathlib import Path
-from typing import Any
 
 from station.atomic_file import open_file, refused, seen_text, sync_folder
-from station.documents.entries import plain
-from station.documents.manifest import ChainPlace
-from station.errors import RecordError
 from station.records.chain.blocks import lines_in, lines_with
-from station.records.chain.entries import CREATED, LOST, REMOVED, START, Entry, entry_of, signed_entry, text_in_line
-from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
-from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
-from station.records.chain.old_index import MANIFEST, BeforeChain, before_the_chain
+from station.records.chain.entries import REMOVED, START, Entry, entry_of, text_in_line
+from station.records.chain.head import chain_seen_in
+from station.records.chain.old_index import MANIFEST, BeforeChain
 from station.there import is_there
-from station.wall_clock import now_text
 
 CHAIN = "chain.jsonl"
 """Name of the file, beside the folders of the runs."""
 
-LOCK = ".lock"
 CREATED_MANIFEST = ".run.json.created"
 """The run.json of a run whose first line is being written to the chain."""
 
@@ -165,140 +155,12 @@ class Chain:
         self.index()
         return [text for run in self._lines or {} if (text := _text_of(run)) is not None]
 
-    def last_attempt(self, serial: str) -> int:
-        """Return the highest attempt of a serial number among its signed entries; 0 where there is none."""
-        token = b',"serial":' + text_in_line(serial) + b',"attempt":'
-        created = (entry for entry in self._with(token) if entry.kind == CREATED and entry.signed)
-        return max((int(entry.fields["attempt"]) for entry in created), default=0)
-
     def _with(self, token: bytes) -> Iterator[Entry]:
         # Not by the whole file, unless somebody has asked for it: a server looks at every run that it shows.
         content = self._content
         whole = 0 if content is None else content.rfind(b"\n") + 1
         lines = lines_with(self.path, token) if content is None else lines_in(content, token, whole)
         return (entry for line in lines if (entry := entry_of(line)) is not None)
-
-
-class ChainWriter:
-    """A chain that this process alone adds to, for as long as it holds the folder's lock."""
-
-    def __init__(self, data: Path, key: BenchKey) -> None:
-        self._data, self._key = data, key
-        self.path = data / CHAIN
-        self.last = _last_entry(self.path)
-        self.warnings: list[str] = []
-        self._pinned: tuple[str, ...] = ()
-        self.chain = Chain(data)
-        if self.last is None:
-            self._begin()
-        else:
-            self._settle(self.last)
-            self._go_on()
-
-    @property
-    def next_place(self) -> ChainPlace:
-        """Chain, counter and previous hash of the entry that is written next, as run.json keeps them."""
-        last = self.last
-        assert last is not None  # noqa: S101 - for the type checker: a chain has begun
-        return ChainPlace(id=self.chain.id, counter=last.counter + 1, previous=last.sha256)
-
-    @property
-    def newest_run(self) -> str:
-        """The run that was created last, as far as the end of the file tells it."""
-        last = Chain(self._data)
-        last.take(tail(self.path))
-        return max(last.runs(), default="")
-
-    def append(self, kind: str, **fields: Any) -> Entry:
-        """Add one entry and flush it to the disk; return it.
-
-        Raises:
-            RecordError: the disk refuses it; what it took of it is taken back.
-
-        """
-        counter, previous = (0, "") if self.last is None else (self.last.counter, self.last.sha256)
-        counter = max(counter, int(fields["last"]) if kind == LOST else 0) + 1
-        entry = signed_entry(kind, counter, previous, now_text(), self._key, **fields)
-        try:
-            handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
-            try:
-                _append_to(handle, entry.line + b"\n")
-            finally:
-                os.close(handle)
-            if self.last is None:
-                sync_folder(self._data)
-        except OSError as error:
-            raise refused(self.path, error) from error
-        self.last = entry
-        self._keep_head()
-        return entry
-
-    def _begin(self) -> None:
-        seen = chain_seen_in(self._data)
-        head = None if seen is None else head_of(seen, self._data)
-        replaces = None if head is None else {"chain": head.chain, "counter": head.counter, "sha256": head.sha256}
-        self._pinned = (self._key.public,)
-        leave_in_folder(self._data, self._key.public)
-        before = plain(before_the_chain(self._data))
-        self.append(START, chain=secrets.token_hex(16), before=before, replaces=replaces)
-        if head is not None:
-            self.warnings.append(
-                f"{self.path}: was not there, but this computer had seen {head.counter} entries of a chain in this "
-                "folder. A new chain is begun, and says so. Put the old folder back if nobody removed it on purpose"
-            )
-
-    def _go_on(self) -> None:
-        """Continue a chain; what this computer had seen of it and is gone is said by an entry of its own."""
-        assert self.last is not None  # noqa: S101 - for the type checker: the caller has looked
-        head = head_of(self.chain.id, self._data)
-        pinned = [key for one in heads_of(self.chain.id) for key in one.keys]
-        known = pinned or keys_in(self._data / FOLDER_KEYS)
-        self._pinned = tuple(dict.fromkeys((*known, self._key.public)))
-        if self._key.public not in keys_in(self._data / FOLDER_KEYS):
-            leave_in_folder(self._data, self._key.public)
-        if head is None or head.counter < self.last.counter:
-            return
-        if (head.counter, head.sha256) != (self.last.counter, self.last.sha256):
-            first = min(self.last.counter + 1, head.counter)
-            self.append(LOST, first=first, last=head.counter, sha256=head.sha256)
-            self.warnings.append(
-                f"{self.path}: entries {first} to {head.counter}, which this computer had seen, are gone. "
-                "See 'lostmotion verify'"
-            )
-
-    def _keep_head(self) -> None:
-        assert self.last is not None  # noqa: S101 - as above: it was just written
-        path = str(self._data.resolve())
-        head = Head(self.chain.id, self.last.counter, self.last.sha256, path, self._pinned)
-        keep_head(head, self._data, self._key)
-
-    def _settle(self, last: Entry) -> None:
-        """Give the run.json of a run its name whose process was killed behind the run's first line."""
-        if last.kind == CREATED:
-            with suppress(OSError):  # that run cannot be looked at now: it is told by who reads it, and no matter here
-                put_created_in_place(self._data / str(last.fields["run"]))
-
-
-@contextmanager
-def writing_to(data: Path) -> Iterator[ChainWriter]:
-    """Hold a data folder's lock, and yield its chain to add to.
-
-    Raises:
-        RecordError: the folder, the chain or the key of this computer cannot be used.
-
-    """
-    key = own_key()
-    try:
-        handle = os.open(data / LOCK, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-    except OSError as error:
-        raise RecordError(
-            f"the data folder cannot be used: {refused(data / LOCK, error)}. Or choose another data folder with --data"
-        ) from error
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX)
-        yield ChainWriter(data, key)
-    finally:
-        os.close(handle)
 
 
 def put_created_in_place(folder: Path) -> None:
@@ -337,24 +199,3 @@ def tail(path: Path, size: int = TAIL_BYTES) -> bytes:
     except OSError as error:
         raise refused(path, error, "read") from error
     return content if end <= size else content.partition(b"\n")[2]
-
-
-def _last_entry(path: Path) -> Entry | None:
-    for size in (TAIL_BYTES, 1 << 62):
-        for line in reversed(tail(path, size).split(b"\n")[:-1]):
-            entry = entry_of(line)
-            if entry is not None:
-                return entry
-    return None
-
-
-def _append_to(handle: int, line: bytes) -> None:
-    size = os.fstat(handle).st_size
-    # The end of a line that a power failure has torn is no part of this one.
-    torn = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
-    whole = b"\n" + line if torn else line
-    if os.write(handle, whole) != len(whole):
-        with suppress(OSError):  # where lines can only be added, the next one begins behind it
-            os.ftruncate(handle, size)
-        raise OSError(ENOSPC, os.strerror(ENOSPC))
-    os.fsync(handle)

@@ -35,6 +35,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+from definitions.number_formats import LARGEST, LARGEST_COUNT
 from station.records.chain.keys import BenchKey, signed_by
 
 START, CREATED, SEALED, LOST, REMOVED = "start", "created", "sealed", "lost", "removed"
@@ -79,10 +80,15 @@ _NUMBERS = ("counter", "attempt", "first", "last", "revision", "step")
 _BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}
 _REPLACES: dict[str, type] = {"chain": str, "counter": int, "sha256": str}
 
+LONGEST_NAME = 255
+"""Bytes of the name of a folder: what a file system takes."""
+
 Fields = dict[str, Any]
 """An entry's fields as they stand in its line: what a later version wrote is signed and hashed as it was."""
 
 SIGNATURE = b',"signature":"'
+ESCAPED = b"\\u"
+"""What stands in a line before the number of a character that is not written as itself."""
 
 
 @dataclass(frozen=True)
@@ -131,29 +137,57 @@ def signed_entry(kind: str, counter: int, previous: str, time: str, key: BenchKe
 
 def entry_of(line: bytes) -> Entry | None:
     """Return the entry that a line is; None for a line that is none: torn, or of another hand."""
-    try:
-        fields = json.loads(line)
-    except (ValueError, RecursionError):
-        return None
-    if not isinstance(fields, dict):
+    fields = object_in(line)
+    if fields is None:
         return None
     own = FIELDS.get(str(fields.get("kind")), ("kind of an entry",))
     needed = (*own, "counter", "time", "previous", "key", "signature")
-    return Entry(line, fields) if all(name in fields for name in needed) and _sound(fields) else None
+    return Entry(line, fields) if all(name in fields for name in needed) and _sound(line, fields) else None
 
 
-def _sound(fields: Fields) -> bool:
-    """Whether what stands in an entry is of its kind, so that nobody stumbles over it."""
+def object_in(line: bytes) -> Fields | None:
+    """Return the object of JSON that a line is; None for a line that is none, as one that a power failure has torn."""
+    try:
+        fields = json.loads(line.decode())  # as text: of bytes, lone surrogates would be taken too
+    except (ValueError, RecursionError):
+        return None
+    return fields if isinstance(fields, dict) else None
+
+
+def _sound(line: bytes, fields: Fields) -> bool:
+    """Whether what stands in an entry is of its kind and within its bounds, so that nobody stumbles over it."""
     return (
         all(isinstance(fields[name], str) for name in _TEXTS if name in fields)
-        and all(type(fields[name]) is int for name in _NUMBERS if name in fields)
+        and all(_number(fields[name]) for name in _NUMBERS if name in fields)
+        and (fields.get("created") is None or _number(fields["created"]))
         and isinstance(fields.get("verdict"), str | None)
-        and isinstance(fields.get("created"), int | None)
         and isinstance(fields.get("plan"), dict | None)
         and _block(fields.get("before"), _BEFORE)
-        and all(isinstance(run, str) for run in (fields.get("before") or {}).get("unconcluded", ()))
+        and 0 <= (fields.get("before") or {}).get("bytes", 0) <= LARGEST
+        and all(isinstance(run, str) and _name(run) for run in (fields.get("before") or {}).get("unconcluded", ()))
         and _block(fields.get("replaces"), _REPLACES)
+        and _number((fields.get("replaces") or {}).get("counter", 1))
+        and ("run" not in fields or _name(fields["run"]))
+        and (ESCAPED not in line or _writable(fields))
     )
+
+
+def _number(found: object) -> bool:
+    return type(found) is int and 1 <= found <= LARGEST_COUNT
+
+
+def _name(run: str) -> bool:
+    """Whether a text can name a folder beside the chain, and none elsewhere."""
+    return run not in ("", ".", "..") and "/" not in run and len(run.encode("utf-8", "replace")) <= LONGEST_NAME
+
+
+def _writable(found: object) -> bool:
+    """Whether the texts in something can be written to every file and database: no NUL, no half of a character."""
+    if isinstance(found, str):
+        return "\0" not in found and not any("\ud800" <= sign <= "\udfff" for sign in found)
+    if isinstance(found, dict):
+        return all(_writable(name) and _writable(value) for name, value in found.items())
+    return not isinstance(found, list) or all(map(_writable, found))
 
 
 def _block(found: object, kinds: dict[str, type]) -> bool:
@@ -164,4 +198,5 @@ def _block(found: object, kinds: dict[str, type]) -> bool:
 
 def text_in_line(value: object) -> bytes:
     """Return how a value stands in a line, to look for it without reading the line."""
-    return json.dumps(value, ensure_ascii=False).encode()
+    # The name of a folder need not be text: such a name stands in no line, and is no error.
+    return json.dumps(value, ensure_ascii=False).encode("utf-8", "surrogatepass")

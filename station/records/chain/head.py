@@ -14,6 +14,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from definitions.number_formats import LARGEST_COUNT
 from station.atomic_file import write_atomic
 from station.documents.entries import Plain
 from station.errors import StationError
@@ -60,7 +61,8 @@ def _signed(path: Path) -> Head | None:
         return None
     signature, key = str(found.pop("signature", "")), str(found.pop("key", ""))
     with suppress(KeyError, TypeError, ValueError):
-        if signed_by(key, _content(found), signature):
+        # No chain goes further: an earlier program took such a head from a forged line.
+        if 1 <= found["counter"] <= LARGEST_COUNT and signed_by(key, _content(found), signature):
             return Head(**{**found, "keys": tuple(found["keys"])})
     return None
 

@@ -92,6 +92,12 @@ def entries_of_serial(data: Path, serial: str) -> Iterator[Entry]:
             yield entry
 
 
+def last_attempt(data: Path, serial: str) -> int:
+    """Return the highest attempt of a serial number that counts; 0 where there is none; RecordError as above."""
+    begun = (int(one.fields["attempt"]) for one in entries_of_serial(data, serial) if one.kind == CREATED)
+    return max(begun, default=0)
+
+
 def entries_of_run(data: Path, run: str) -> list[Entry]:
     """Return the entries of a run, oldest first, that count; RecordError as above."""
     return _counting(data, RUN_BEGINS + text_in_line(run) + RUN_ENDS)

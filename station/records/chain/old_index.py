@@ -42,6 +42,15 @@ class BeforeChain:
     unconcluded: tuple[str, ...]
 
 
+def is_text(name: str) -> bool:
+    """Whether the name of a folder is text, which a line can hold: on the disk it may be any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def index_lines(content: bytes, run_id: str) -> list[IndexLine]:
     """Return the lines of an index that name a run."""
     return [line for line in _lines(content) if line.run == run_id]
@@ -56,7 +65,7 @@ def before_the_chain(data: Path) -> BeforeChain | None:
     """
     content = index_content(data)
     named = {line.run for line in _lines(content)}
-    there = runs_there(data)
+    there = [name for name in runs_there(data) if is_text(name)]
     if not content and not there:
         return None
     return BeforeChain(

@@ -1,12 +1,17 @@
-"""A chain from its first line to its last: every hash, every counter, every signature, and what each run has there."""
+"""A chain from its first line to its last: every hash, every counter, every signature, and what each run has there.
+
+Anybody can add a line. One that does not count, as `writing` says, is named, and the next line is held against the
+line before it. Earlier programs wrote on behind whatever line was the last: that is no break either.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from station.records.chain.chain_file import CHAIN, Chain
-from station.records.chain.entries import CREATED, LOST, REMOVED, SEALED, START, Entry, entry_of
+from station.records.chain.entries import CREATED, LOST, REMOVED, SEALED, START, Entry, entry_of, object_in
 from station.records.chain.head import chain_seen_in, head_of, heads_of
 from station.records.chain.keys import FOLDER_KEYS, keys_in, own_public_key, trusted_by_person
 from station.records.chain.problems import Problem
@@ -14,11 +19,18 @@ from station.records.chain.problems import Problem
 
 @dataclass(frozen=True)
 class Place:
-    """How far a chain has been walked: bytes of the file, and counter and hash of the last entry before them."""
+    """How far a chain has been walked: bytes of the file, counter and hash of the last entry in them that counts."""
 
     offset: int = 0
     counter: int = 0
     sha256: str = ""
+
+
+class Last(NamedTuple):
+    """Counter and hash of the entry that the next one is held against."""
+
+    counter: int
+    sha256: str
 
 
 @dataclass
@@ -34,8 +46,12 @@ class Walk:
     entries: int = 0
 
 
-def walk(chain: Chain, begin: Place | None = None, end_at: int | None = None) -> Walk:
+def walk(
+    chain: Chain, begin: Place | None = None, end_at: int | None = None, *, trusted: frozenset[str] | None = None
+) -> Walk:
     """Walk a chain from a place to its end, or to the end of the line that ends there.
+
+    trusted: public keys whose signatures count; None for those that this computer knows.
 
     Raises:
         RecordError: the file cannot be read.
@@ -43,21 +59,39 @@ def walk(chain: Chain, begin: Place | None = None, end_at: int | None = None) ->
     """
     found = Walk(begin or Place())
     content, at = chain.content, found.place.offset
-    counter, sha256 = found.place.counter, found.place.sha256
+    last, aside = Last(found.place.counter, found.place.sha256), None
+    keys = trust_of(chain).keys if trusted is None else trusted
     while (end := content.find(b"\n", at, end_at)) >= 0:
-        entry = entry_of(content[at:end])
+        line, begin_at = content[at:end], at
         at = end + 1
+        entry = entry_of(line)
         if entry is None:
-            continue  # torn by a power failure: where it was more than that, the next line has no link to it
-        found.problems += _link_problems(entry, counter, sha256)
-        if entry.signed:
-            _take(found, entry)
-        else:
+            # Torn by a power failure it is no object: where it was more than that, the next line has no link to it.
+            if object_in(line) is not None:
+                text = f"{CHAIN}: the line at byte {begin_at} is no entry: its fields are not those of an entry"
+                found.problems.append(Problem("forged_entry", "", text))
+            continue
+        this = Last(entry.counter, entry.sha256)
+        if not entry.signed:
             text = f"{CHAIN}: entry {entry.counter} ({_about(entry)}) is not signed by the key that it names"
             found.problems.append(Problem("forged_entry", str(entry.fields.get("run", "")), text))
-        counter, sha256 = entry.counter, entry.sha256
-    found.place = Place(at, counter, sha256)
+            aside = this
+            continue
+        wrong = _link_problems(entry, last)
+        before = aside if wrong and aside is not None and aside.counter == entry.counter - 1 else last
+        found.problems += _link_problems(entry, before)
+        _take(found, entry)
+        if entry.key in keys or not (wrong or entry.kind == LOST):
+            last, aside = this, None
+        else:
+            aside = this
+    found.place = Place(at, last.counter, last.sha256)
     return found
+
+
+def follows(entry: Entry, last: Entry) -> bool:
+    """Whether an entry is what comes next behind another."""
+    return not _link_problems(entry, Last(last.counter, last.sha256))
 
 
 def _take(found: Walk, entry: Entry) -> None:
@@ -85,8 +119,9 @@ def _about(entry: Entry) -> str:
     return f"{entry.kind} {run}" if run else entry.kind
 
 
-def _link_problems(entry: Entry, counter: int, sha256: str) -> list[Problem]:
+def _link_problems(entry: Entry, last: Last) -> list[Problem]:
     """Return what is wrong between an entry and the one before it."""
+    counter, sha256 = last
     run = str(entry.fields.get("run", ""))
     first = counter == 0
     if first and entry.kind != START:
@@ -108,21 +143,19 @@ def _link_problems(entry: Entry, counter: int, sha256: str) -> list[Problem]:
 
 
 def whole_between(chain: Chain, begin: Entry, end: Entry) -> bool:
-    """Whether the lines from one entry to a later one are those that stood there when the later one was signed."""
+    """Whether the lines from one entry to a later one hang together as they did when the later one was signed."""
     if end.counter == begin.counter + 1:
         return str(end.fields["previous"]) == begin.sha256
-    content, last = chain.content, begin
+    content, row = chain.content, {begin.sha256: begin.counter}
     at = content.find(begin.line) + len(begin.line) + 1
-    while last.sha256 != end.sha256:
+    while end.sha256 not in row:
         behind = content.find(b"\n", at)
         if behind < 0:
             return False
         entry, at = entry_of(content[at:behind]), behind + 1
-        if entry is None:
-            continue
-        if entry.kind == LOST or _link_problems(entry, last.counter, last.sha256):
-            return False
-        last = entry
+        # What stands between and is in no row with the two says nothing: anybody can write it.
+        if entry is not None and entry.kind != LOST and row.get(entry.fields["previous"]) == entry.counter - 1:
+            row[entry.sha256] = entry.counter
     return True
 
 
@@ -203,11 +236,13 @@ def key_problems(found: Walk, trust: Trust) -> list[Problem]:
     return [Problem("unknown_key", "", text) for text in texts.values()]
 
 
-def attempt_problems(found: Walk) -> list[Problem]:
-    """Return the serial numbers whose attempts in the chain do not count up by one."""
+def attempt_problems(found: Walk, trust: Trust) -> list[Problem]:
+    """Return the serial numbers whose attempts in the chain do not count up; only of keys that are trusted."""
     last: dict[str, int] = {}
     problems = []
     for run, entry in found.created.items():
+        if entry.key not in trust.keys:
+            continue
         serial, attempt = str(entry.fields["serial"]), entry.fields["attempt"]
         if serial in last and attempt <= last[serial]:
             text = f"{run}: attempt {attempt} of {serial} is out of order: it follows attempt {last[serial]}"

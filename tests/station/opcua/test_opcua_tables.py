@@ -32,8 +32,8 @@ from station.opcua.projection import PROJECTION, ItemState, OperationMode, PackM
 from station.opcua.server import _held
 from station.opcua.settings import Client, load_opcua
 from station.opcua.values import UNITS, VALUES, unit_information, values_of
-from station.records.chain.chain_file import writing_to
 from station.records.chain.entries import REMOVED
+from station.records.chain.writing import writing_to
 from station.records.samples.scan_record import pack
 from station.web.people.database import StationDatabase
 from station.web.running import ENDED, READY, RUNNING, Now

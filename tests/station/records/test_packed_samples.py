@@ -136,7 +136,7 @@ def test_the_raw_file_stays_until_the_line_is_in_the_chain(run: RunRecord, monke
         raise RecordError("no line")
 
     content = run.samples.read_bytes()
-    monkeypatch.setattr("station.records.chain.chain_file.ChainWriter.append", refused)
+    monkeypatch.setattr("station.records.chain.writing.ChainWriter.append", refused)
     with pytest.raises(RecordError, match="no line"):
         seal(run, records=50, samples=pack_samples(run, content, sound=True))
     assert run.samples.read_bytes() == content

@@ -223,6 +223,25 @@ def test_a_pipe_in_place_of_a_file_is_not_waited_for(data: Path, name: str) -> N
         assert row(RunRecord(folder(data, 0))).verdict is None
 
 
+@pytest.mark.parametrize("chained", [True, False])
+def test_a_folder_whose_name_is_no_text_is_named_and_stops_no_command(data: Path, *, chained: bool) -> None:
+    odd = os.fsdecode(os.fsencode(data / "20300101T000000.000Z-") + b"\xff")
+    shutil.copytree(folder(data, 0), odd)
+    if not chained:
+        (data / CHAIN).unlink()
+    shown = 0 if chained else 3
+    for words, code in (("list", 0), ("list --all", 0), ("list --json", 0), ("store rebuild", 0), ("show last", shown)):
+        assert here(*words.split(), "--data", str(data)).exit_code == code, words
+    (Path(odd) / "run.json").write_text("{}")
+    assert here("conclude", "--all", "--data", str(data)).exit_code == 0
+    assert "Z-\\xff: the name of this folder is not UTF-8" in here("list", "--data", str(data)).out
+    assert here("verify", "--data", str(data)).exit_code == 1
+    problems = [problem for problem in verify_folder(data).problems if "xff" in problem.text]
+    assert [problem.kind for problem in problems] == ["not_in_chain"]
+    run = store_run(data, "B", [metric(0.4)])
+    assert row(run).verdict == "PASS"
+
+
 def test_a_head_that_is_no_head_stops_no_command(data: Path, place: Path) -> None:
     for path in (*place.glob("chains/*/*.json"), *place.glob("folders/*.json")):
         path.write_bytes(b"[" * 100_000)

@@ -42,7 +42,9 @@ class RunLock:
             handle = open_handle(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW)
         except OSError as error:
             if error.errno == errno.EINVAL:
-                raise RecordError(f"{self._path}: {error.strerror}. Move it out of the folder of the run, and try again") from error
+                raise RecordError(
+                    f"{self._path}: {error.strerror}. Move it out of the folder of the run, and try again"
+                ) from error
             return False
         for _ in range(TRIES):
             try:

@@ -69,13 +69,8 @@ def test_in_a_concluded_run_it_is_an_alteration_and_ends_every_command_soon(
     shown = command(sealed, "show", "last")
     assert shown.exit_code == 3, shown
     assert f"{name}: is missing or cannot be read" in shown.out
-    for words in (
-        ("report", "last"),
-        ("replay", "last"),
-        ("analyze", "last"),
-        ("export", "last", "--out", out),
-        ("list",),
-    ):
+    named = [(word, "last") for word in ("report", "replay", "analyze")]
+    for words in (*named, ("export", "last", "--out", out), ("list",)):
         told = command(sealed, *words)
         assert told.exit_code != 70, told
         assert "PASS" not in told.out or "altered" in told.out, told

@@ -256,7 +256,8 @@ class Appender:
         self._path = path
         try:
             made = 0 if must_exist else os.O_CREAT
-            self._file = os.fdopen(open_handle(path, os.O_WRONLY | os.O_APPEND | made), "ab", buffering=0)
+            flags = os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_CLOEXEC | made  # a pipe is refused at once
+            self._file = os.fdopen(os.open(path, flags, 0o666), "ab", buffering=0)
             self._size = self._file.seek(0, os.SEEK_END)
             sync_folder(path.parent)
         except OSError as error:

@@ -54,11 +54,16 @@ def open_file(path: Path) -> BinaryIO:
         OSError: it cannot be opened, or is no file.
 
     """
-    handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    return os.fdopen(open_handle(path, os.O_RDONLY), "rb")
+
+
+def open_handle(path: Path, flags: int) -> int:
+    """Return the handle of a file that is opened with these flags, and made where they say so; OSError as above."""
+    handle = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
         raise OSError(EINVAL, "this is a folder, a pipe or a device, not a file", str(path))
-    return os.fdopen(handle, "rb")
+    return handle
 
 
 def read_file(path: Path) -> bytes:
@@ -110,7 +115,7 @@ def write_atomic(path: Path, content: bytes, *, flush: bool = True) -> None:
 
 def _write_beside(beside: Path, content: bytes, *, flush: bool) -> None:
     # Not emptied first: the room that was taken for it is there still, and no longer once it has been given back.
-    with os.fdopen(os.open(beside, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW, 0o666), "wb") as file:
+    with os.fdopen(open_handle(beside, os.O_WRONLY | os.O_CREAT | os.O_NOFOLLOW), "wb") as file:
         file.write(content)
         file.truncate()
         file.flush()
@@ -175,7 +180,7 @@ def append_line(path: Path, line: bytes) -> None:
     """
     new = not path.exists()
     try:
-        handle = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        handle = open_handle(path, os.O_RDWR | os.O_APPEND | os.O_CREAT)
         try:
             size = os.fstat(handle).st_size
             torn = size > 0 and os.pread(handle, 1, size - 1) != b"\n"
@@ -198,7 +203,7 @@ def reserve(path: Path, size: int) -> None:
     """
     beside = _beside(path)
     try:
-        with beside.open("wb") as file:
+        with os.fdopen(open_handle(beside, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW), "wb") as file:
             os.posix_fallocate(file.fileno(), 0, size)
     except OSError as error:
         with contextlib.suppress(OSError):
@@ -251,7 +256,7 @@ class Appender:
         self._path = path
         try:
             made = 0 if must_exist else os.O_CREAT
-            flags = os.O_WRONLY | os.O_APPEND | os.O_CLOEXEC | made
+            flags = os.O_WRONLY | os.O_APPEND | os.O_NONBLOCK | os.O_CLOEXEC | made  # a pipe is refused at once
             self._file = os.fdopen(os.open(path, flags, 0o666), "ab", buffering=0)
             self._size = self._file.seek(0, os.SEEK_END)
             sync_folder(path.parent)

@@ -12,10 +12,9 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from station.archive.settings import ArchiveError
-from station.atomic_file import PART
+from station.atomic_file import PART, read_file
 from station.documents.manifest import MANIFEST, Manifest
 from station.documents.result import MetricValue, Result, SideValue
-from station.errors import RecordError
 from station.records.clocks import VIRTUAL, clock_of
 from station.records.run_lock import LOCK
 from station.records.run_record import RESULT, RunRecord
@@ -107,11 +106,7 @@ def rows_of_run(run: RunRecord) -> pa.Table:
     manifest = run.manifest()
     content: dict[str, bytes] = {}
     for name in files_of(run):
-        path = run.folder / name
-        try:
-            content[name] = path.read_bytes()
-        except OSError as error:
-            raise RecordError(f"{path}: cannot be read: {error.strerror}. Restore the run from a backup") from error
+        content[name] = read_file(run.folder / name)
     said = _said(manifest)
     rows = [
         said

@@ -21,6 +21,7 @@ from analysis.trace.units import FloatArray
 from recipes import RecipeError, load_bench
 from station.archive.full_rows import REPLACE, schema_of
 from station.archive.settings import ArchiveError
+from station.atomic_file import read_file
 from station.bench.measuring import CHANNEL_OF_SENSOR
 from station.documents.archived import TraceFacts
 from station.documents.entries import plain
@@ -67,7 +68,7 @@ def trace_rows(run: RunRecord) -> pa.Table | None:
     if run.manifest().state != "complete":
         return None
     try:
-        recipe, bench = ((run.folder / f"{part}.yaml").read_bytes().decode() for part in ("recipe", "bench"))
+        recipe, bench = (read_file(run.folder / f"{part}.yaml").decode() for part in ("recipe", "bench"))
         recorded = recorded_trace(run, load_bench(run.folder / BENCH_COPY))
         facts = TraceFacts(
             run=run.id,

@@ -33,7 +33,7 @@ from recipes import (
 )
 from recipes.checks.bus_load import BusFrame, bus_findings, bus_us
 from recipes.compiler.compiler import compile_program
-from station.atomic_file import refused
+from station.atomic_file import read_file, refused
 from station.bench.assemble import drive_brake_config, drive_profile, modbus_profile
 from station.bench.bus_traffic import bus_frames
 from station.bench.can_profile import DBC
@@ -55,7 +55,7 @@ from station.bench.measuring import (
 )
 from station.documents.commissioning import StepDone
 from station.errors import StationError
-from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
+from station.records.run_record import BENCH_COPY, PROFILES, RECIPE_COPY, RunRecord
 from station.there import is_file, is_folder
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
@@ -278,7 +278,7 @@ def stored_job(run: RunRecord) -> Job:
         RecordError: run.json is damaged, or one of the files cannot be read now.
 
     """
-    for profile in sorted(run.folder.glob("profiles/*")):
+    for profile in _stored_profiles(run.folder / PROFILES):
         _stored_source(profile)
     return _loaded(
         lambda: _stored_source(run.folder / RECIPE_COPY),
@@ -287,12 +287,18 @@ def stored_job(run: RunRecord) -> Job:
     )
 
 
+def _stored_profiles(folder: Path) -> list[Path]:
+    try:
+        return sorted(folder.iterdir())
+    except FileNotFoundError:
+        return []
+    except OSError as error:
+        raise refused(folder, error, "read") from error
+
+
 def _stored_source(path: Path) -> Source:
     """Read a file of a record; RecordError when it cannot be read: that may pass, and says nothing of its content."""
-    try:
-        return Source(path, path.read_bytes())
-    except OSError as error:
-        raise refused(path, error, "read") from error
+    return Source(path, read_file(path))
 
 
 def load_job(recipe_name: str | Source, bench_name: str | None, day: date | None = None) -> Job:

@@ -31,6 +31,7 @@ from sqlalchemy import (
     update,
 )
 
+from station.atomic_file import read_file
 from station.documents.result import Result
 from station.errors import StationError
 from station.opcua.settings import FILE, Client
@@ -254,7 +255,7 @@ class Outbox:
         altered, result = result_of(self._data, meta.run)
         if altered or result is None:
             return None
-        return (self._data / meta.run / RESULT).read_text(encoding="utf-8")
+        return read_file(self._data / meta.run / RESULT).decode()
 
     def acknowledge(self, client: str, runs: Sequence[str]) -> list[bool]:
         """Note durably that a client has these results; say of each whether there is such a result.

@@ -73,10 +73,10 @@ def _recipe(production: Production, sha256: str, run: str) -> Recipe | None:
     paths = [data / run / RECIPE_COPY, *_copies(production, sha256)]
     for path in dict.fromkeys(paths):
         try:
-            content = path.read_bytes()
+            content = read_bytes(path)
             if hash_of(content) == sha256:
                 return _parsed(content)
-        except (OSError, RecipeError):
+        except RecipeError:
             continue
     return None
 

@@ -12,6 +12,9 @@ import os
 import time
 from pathlib import Path
 
+from station.atomic_file import open_handle
+from station.errors import RecordError
+
 LOCK = ".owner"
 NO_LOCKS_HERE = frozenset({errno.ENOLCK, errno.ENOTSUP, errno.ENOSYS, errno.EINVAL})
 """A file system without locks: the process id alone has to do."""
@@ -30,10 +33,18 @@ class RunLock:
         """Become the owner; False when another process is, or when the folder cannot be written.
 
         Somebody who only looks (`taken`) is waited for.
+
+        Raises:
+            RecordError: a pipe or a device is in place of the lock, so that nobody can own the run.
+
         """
         try:
-            handle = os.open(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
-        except OSError:
+            handle = open_handle(self._path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW)
+        except OSError as error:
+            if error.errno == errno.EINVAL:
+                raise RecordError(
+                    f"{self._path}: {error.strerror}. Move it out of the folder of the run, and try again"
+                ) from error
             return False
         for _ in range(TRIES):
             try:
@@ -58,7 +69,7 @@ class RunLock:
         if self._handle >= 0:
             return True
         try:
-            handle = os.open(self._path, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+            handle = open_handle(self._path, os.O_RDONLY | os.O_NOFOLLOW)
         except OSError:
             return False
         try:

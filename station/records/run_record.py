@@ -52,6 +52,7 @@ __all__ = [
 
 RECIPE_COPY = "recipe.yaml"
 BENCH_COPY = "bench.yaml"
+PROFILES = "profiles"
 SAMPLES = "samples.bin"
 PACKED = "samples.parquet"
 RESULT = "result.json"

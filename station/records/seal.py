@@ -33,6 +33,7 @@ from station.records.run_record import (
     INTERRUPTED,
     MANIFEST,
     PACKED,
+    PROFILES,
     RECIPE_COPY,
     RECORDING,
     RESULT,
@@ -42,7 +43,6 @@ from station.records.run_record import (
 )
 from station.there import is_there
 
-PROFILES = "profiles"
 CONCLUDED = ".run.json.concluded"
 """The run.json of a run whose line is being written to the chain; nobody believes it before it is there."""
 

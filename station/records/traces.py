@@ -12,7 +12,8 @@ import hashlib
 from collections.abc import Mapping
 from pathlib import Path
 
-from station.atomic_file import refused, sync_folder, write_atomic
+from station.atomic_file import read_file, refused, sync_folder, write_atomic
+from station.errors import RecordError
 from station.records.chain.entries import Entry
 from station.records.chain.problems import Problem
 
@@ -53,8 +54,8 @@ def trace_problems(data: Path, removed: Mapping[str, Entry]) -> list[Problem]:
             continue
         folder = data / FOLDER / run
         try:
-            now = hash_of({one.name: one.read_bytes() for one in folder.iterdir()})
-        except OSError:
+            now = hash_of({one.name: read_file(one) for one in folder.iterdir()})
+        except (OSError, RecordError):
             now = ""
         if now != kept:
             found.append(Problem("trace", run, f"{run}: its trace is missing, or not as it was kept"))

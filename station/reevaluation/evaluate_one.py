@@ -21,6 +21,7 @@ from station.archive.full_rows import REPLACE, opened
 from station.archive.place import Place
 from station.archive.settings import ArchiveSettings
 from station.archive.trace_rows import rows_in, trace_in
+from station.atomic_file import read_file
 from station.documents.archived import TraceFacts
 from station.documents.manifest import MANIFEST
 from station.documents.result import MetricValue
@@ -139,7 +140,7 @@ def _metric_outcome(one: MetricValue, *, tried: bool) -> MetricOutcome:
 def _from_record(job: Job, question: Question) -> tuple[Found, Recipe, bytes]:
     """Evaluate the whole record, from its folder or from the archive; every file and every scan of it is checked."""
     with _record(job) as run:
-        own_bytes, bench_bytes = ((run.folder / f"{part}.yaml").read_bytes() for part in ("recipe", "bench"))
+        own_bytes, bench_bytes = (read_file(run.folder / f"{part}.yaml") for part in ("recipe", "bench"))
         own, bench = _recipe(own_bytes), _bench(bench_bytes)
         recorded = recorded_trace(run, bench)
         day = run.day()

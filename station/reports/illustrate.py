@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from analysis.evaluation.pipeline import Result as Found
 from analysis.trace.errors import AnalysisError
 from definitions.program import Program
+from station.atomic_file import read_file
 from station.bench.request import Job
 from station.documents.events import EventRow
 from station.documents.reading import document_in
@@ -59,12 +60,12 @@ def illustrate(record: RunRecord, shown: Shown, *, keep: bool = True) -> tuple[b
         if keep and name in pictures:
             record.write_bytes(name, pictures[name])
     try:
-        lines = (record.folder / EVENTS).read_bytes().splitlines()
-        files = {name: (record.folder / name).read_text(encoding="utf-8") for name in (RECIPE_COPY, BENCH_COPY)}
+        lines = read_file(record.folder / EVENTS).splitlines()
+        files = {name: read_file(record.folder / name).decode() for name in (RECIPE_COPY, BENCH_COPY)}
         events = [document_in(EventRow, line, record.folder / EVENTS) for line in lines]
     except RecordError as error:
         raise RecordError(f"{record.folder}: the report of this run cannot be made: {error}") from error
-    except (OSError, ValueError) as error:
+    except ValueError as error:
         raise RecordError(
             f"{record.folder}: the report of this run cannot be made: {error}. Restore the run from a backup"
         ) from error

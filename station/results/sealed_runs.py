@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from station.atomic_file import open_file
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN
@@ -53,7 +54,7 @@ def result_of(data: Path, name: str, *, samples: bool = False) -> tuple[Sequence
 
 def _content(data: Path, offset: int) -> bytes:
     try:
-        with (data / CHAIN).open("rb") as file:
+        with open_file(data / CHAIN) as file:
             if file.seek(0, 2) < offset:
                 raise StationError(
                     f"{data / CHAIN}: this file is shorter than before. Restore it from a backup: no results are sent "

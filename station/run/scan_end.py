@@ -7,6 +7,7 @@ import time
 
 from definitions.image import State
 from definitions.states import row_of
+from station.atomic_file import read_file
 from station.errors import BenchFaultError, RecordError
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState
@@ -51,7 +52,7 @@ def outcome_of(
     if said.state == "refused":
         raise BenchFaultError(said.error)
     if not (said.state or ring.written) and process.returncode == EXIT_REFUSED:
-        raise BenchFaultError((record.folder / SCAN_LOG).read_text("utf-8", "replace").strip())
+        raise BenchFaultError(read_file(record.folder / SCAN_LOG).decode(errors="replace").strip())
     if interrupted and not ring.written:
         raise BenchFaultError("stopped by the operator before anything moved")
     trouble = ""

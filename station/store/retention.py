@@ -22,7 +22,7 @@ from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from recipes import RecipeError, load_document
 from recipes.text.section import refusal
-from station.atomic_file import sync_folder
+from station.atomic_file import read_file, sync_folder
 from station.documents.manifest import MANIFEST, Manifest
 from station.errors import RecordError, StationError
 from station.records.chain.entries import REMOVED
@@ -232,7 +232,7 @@ def _files(run: RunRecord) -> Iterator[Path]:
 
 
 def _trace_of(run: RunRecord) -> dict[str, bytes]:
-    files = {name: (run.folder / name).read_bytes() for name in KEPT_OF_A_TRACE if run.has(name)}
+    files = {name: read_file(run.folder / name) for name in KEPT_OF_A_TRACE if run.has(name)}
     if run.manifest().state == "complete":
         files[LOOP_CSV] = loop_of(run)
     return files

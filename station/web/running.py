@@ -18,6 +18,7 @@ from threading import Event, RLock, Thread
 
 from definitions.program import Program
 from recipes import Recipe, RecipeError
+from station.atomic_file import open_file
 from station.bench.request import load_job, stored_job
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import Result
@@ -283,7 +284,7 @@ def _read_on(watched: _Watched) -> None:
     """Read the records that have come since the last look; the newest is the view, some of the others are the loop."""
     if watched.reader is None:
         return
-    with suppress(OSError), watched.record.samples.open("rb") as file:
+    with suppress(OSError), open_file(watched.record.samples) as file:
         file.seek(watched.read_bytes)
         content = file.read()
         count = len(content) // RECORD_BYTES

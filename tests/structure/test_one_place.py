@@ -61,3 +61,34 @@ def test_sets_of_states_are_read_off_their_table() -> None:
 def test_a_list_of_states_is_seen() -> None:
     assert _lists_states(ast.parse("(S.LOCK, State.RAMP_POS, S.UNLOAD)", mode="eval").body)
     assert not _lists_states(ast.parse("(S.LOCK, State.RAMP_POS)", mode="eval").body)
+
+
+READS = ("read_bytes", "read_text")
+ROOMS = ("archive", "bench", "cli/runs", "opcua", "records", "reevaluation", "reports", "results", "run", "store")
+ROOMS_OF_RECORDS = tuple(f"station/{room}/" for room in ROOMS)
+NO_RECORD = {
+    "station/bench/eds_profile.py",  # a file that a person names, of a drive
+    "station/opcua/certificates.py",
+    "station/records/process_birth.py",  # of the kernel
+    "station/results/export_origin.py",  # a file that a person names
+    "station/run/children.py",  # what a process of this one has just written
+    "station/store/places.py",  # of the kernel
+}
+
+
+def _reads_whatever_is_there(node: ast.AST) -> bool:
+    return isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in READS
+
+
+def test_a_file_of_a_record_is_opened_where_a_pipe_in_its_place_is_refused() -> None:
+    found = {
+        name
+        for name, nodes in _modules()
+        if name.startswith(ROOMS_OF_RECORDS) and any(map(_reads_whatever_is_there, nodes))
+    }
+    assert found == NO_RECORD
+
+
+def test_a_reading_of_whatever_is_there_is_seen() -> None:
+    assert _reads_whatever_is_there(ast.parse("(run.folder / name).read_bytes()", mode="eval").body)
+    assert not _reads_whatever_is_there(ast.parse("read_file(run.folder / name)", mode="eval").body)

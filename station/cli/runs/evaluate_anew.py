@@ -25,6 +25,7 @@ from recipes import (
     load_recipe,
     warnings,
 )
+from recipes.text.yaml_source import read_bytes
 from station.documents.manifest import RecipeHead, Software
 from station.documents.result import Evaluation, Judged, Result
 from station.documents.timing import Timing
@@ -184,8 +185,8 @@ def reevaluate(
     recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)
     bench = load_bench(bench_file)
     check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run.id)
-    other_bench = bench_file.read_bytes() != own_bench.read_bytes()
-    reevaluated = selection.made or other_bench or recipe_file.read_bytes() != own_recipe.read_bytes()
+    other_bench = read_bytes(bench_file) != read_bytes(own_bench)
+    reevaluated = selection.made or other_bench or read_bytes(recipe_file) != read_bytes(own_recipe)
     objections = objections_to_bench(recipe, bench, run.day()) if reevaluated else []
     _, found = evaluate_run(run, recipe, bench, selection, objections, draws=draws)
     judged = _with_warnings(judged_by_selection(judged_in(found), recipe, selection), recipe, recipe_file, bench)
@@ -245,7 +246,7 @@ def _head(recipe: Recipe, recipe_file: Path) -> RecipeHead:
 
 
 def _sha256(file: Path) -> str:
-    return hashlib.sha256(file.read_bytes()).hexdigest()
+    return hashlib.sha256(read_bytes(file)).hexdigest()
 
 
 def _judged_without_bench(judged: Judged, bench: Bench | None) -> Judged:

@@ -13,7 +13,7 @@ from controller.decisions import DECISIONS_VERSION, changes_since
 from controller.held_lock import Left
 from definitions.program import Program
 from recipes import RecipeError
-from station.atomic_file import refused
+from station.atomic_file import read_file
 from station.bench.request import Job, stored_job
 from station.cli.measure.run import EXIT_CODES
 from station.cli.runs.what_if import Answer, Question, what_if_lines
@@ -183,10 +183,7 @@ def _told_transitions(run: RunRecord) -> tuple[list[tuple[int, str, str | None]]
         StationError: the list cannot be read.
 
     """
-    try:
-        lines = (run.folder / EVENTS).read_bytes().splitlines()
-    except OSError as error:
-        raise refused(run.folder / EVENTS, error, "read") from error
+    lines = read_file(run.folder / EVENTS).splitlines()
     told, broken = [], []
     for number, line in enumerate(lines, start=1):
         try:

@@ -15,9 +15,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from definitions.number_formats import LARGEST_COUNT
-from station.atomic_file import write_atomic
+from station.atomic_file import read_file, write_atomic
 from station.documents.entries import Plain
-from station.errors import StationError
+from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
 from station.records.chain.keys import BenchKey, signed_by
 
@@ -98,7 +98,7 @@ def _path_name(data: Path) -> str:
 
 def _read(path: Path) -> Plain | None:
     try:
-        found = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        found = json.loads(read_file(path))
+    except (RecordError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None

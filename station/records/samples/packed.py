@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from station.atomic_file import open_file
 from station.documents.reading import NEXT_STEP
 from station.errors import RecordError
 from station.records.samples.check import checksums
@@ -129,7 +130,8 @@ def read_columns(path: Path, channels: Sequence[Channel]) -> list[npt.NDArray[An
     import pyarrow.parquet as pq  # noqa: PLC0415
 
     try:
-        found = pq.read_table(path, columns=[column_name(one) for one in channels], use_threads=False)
+        with open_file(path) as file:
+            found = pq.read_table(file, columns=[column_name(one) for one in channels], use_threads=False)
         return _checked(found, channels, path)
     except (OSError, KeyError, ValueError, pa.ArrowException) as error:
         raise _damaged(path, error) from error

@@ -80,7 +80,8 @@ def channel_values(run: RunRecord, wanted: Sequence[tuple[str, str]]) -> list[np
     if run.is_packed():
         return read_columns(run.folder / PACKED, [channels[one] for one in wanted])
     try:
-        rows = np.memmap(run.samples, dtype=layout.dtype, mode="r", shape=(run.records(),))
+        with open_file(run.samples) as file:
+            rows = np.memmap(file, dtype=layout.dtype, mode="r", shape=(run.records(),))
     except (OSError, ValueError) as error:
         raise RecordError(f"{run.samples}: cannot be read: {error}") from error
     return [np.array((rows if group == "record" else rows[group])[name]) for group, name in wanted]

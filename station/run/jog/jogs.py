@@ -15,6 +15,7 @@ from definitions.plain_data import exact
 from definitions.program import Program
 from recipes.compiler.jog import ENABLING_DEVICE, PERIOD_NS, compile_jog, jog_bench, jog_speed_rad_s
 from recipes.schema.bench_schema import Bench
+from station.atomic_file import read_file
 from station.bench.assemble import modbus_profile
 from station.bench.request import Job
 from station.documents.manifest import RECORDING
@@ -91,8 +92,8 @@ def program_of(jog: RunRecord) -> Program:
     """
     path = jog.folder / PROGRAM
     try:
-        return exact(Program, json.loads(path.read_bytes()), unlimited=True)
-    except (OSError, ValueError, TypeError) as error:
+        return exact(Program, json.loads(read_file(path)), unlimited=True)
+    except (ValueError, TypeError) as error:
         raise StationError(f"{path}: cannot be read: {error}") from error
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 from sqlalchemy import Column, ColumnElement, Connection, Table, delete, select
 from sqlalchemy.dialects.postgresql import insert as postgresql_insert
@@ -41,17 +41,26 @@ Named = dict[Table, set[str]]
 """Names of shared rows, by table."""
 
 
+class Head(NamedTuple):
+    """What a recipe or a bench is called by its file; embedded, public_key: of a bench."""
+
+    name: str
+    revision: int
+    embedded: bool
+    public_key: str | None
+
+
 def file_rows(run: RunRecord, chain: Chain, recipe_sha256: str, bench_sha256: str) -> Rows:
     """Return the rows of the recipe and the bench that a run began with; none where its copy is another one now."""
     recipe = _head(_content(run, RECIPE_COPY), recipe_sha256, "recipe")
     bench = _head(_content(run, BENCH_COPY), bench_sha256, "bench")
     found: Rows = {}
     if recipe is not None:
-        found[RECIPES] = [{"chain": chain.id, "sha256": recipe_sha256} | _called(recipe)]
+        found[RECIPES] = [
+            {"chain": chain.id, "sha256": recipe_sha256, "name": recipe.name, "revision": recipe.revision}
+        ]
     if bench is not None:
-        key = bench.get("public_key")
-        own = {"embedded": bench.get("embedded") is True, "public_key": key if isinstance(key, str) else None}
-        found[BENCHES] = [{"chain": chain.id, "sha256": bench_sha256} | _called(bench) | own]
+        found[BENCHES] = [{"chain": chain.id, "sha256": bench_sha256, **bench._asdict()}]
     return found
 
 
@@ -152,7 +161,7 @@ def _content(run: RunRecord, name: str) -> bytes:
 
 
 @lru_cache(KEPT_HEADS)
-def _head(content: bytes, sha256: str, section: str) -> dict[str, Any] | None:
+def _head(content: bytes, sha256: str, section: str) -> Head | None:
     """Return the head of a recipe or bench file of this hash; None where it is another file, or has no such head."""
     if hashlib.sha256(content).hexdigest() != sha256:
         return None
@@ -163,9 +172,7 @@ def _head(content: bytes, sha256: str, section: str) -> dict[str, Any] | None:
     head = document.get(section) if isinstance(document, dict) else None
     if not isinstance(head, dict) or not isinstance(head.get("name"), str):
         return None
-    revision = head.get("revision")
-    return head if type(revision) is int and 0 <= revision <= LARGEST_COUNT else None
-
-
-def _called(head: Mapping[str, Any]) -> Row:
-    return {"name": head["name"], "revision": head["revision"]}
+    revision, key = head.get("revision"), head.get("public_key")
+    if type(revision) is not int or not 0 <= revision <= LARGEST_COUNT:
+        return None
+    return Head(head["name"], revision, head.get("embedded") is True, key if isinstance(key, str) else None)

@@ -12,8 +12,9 @@ from stored_runs import metric, store_run
 
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values
-from station.records.chain.chain_file import Chain, writing_to
+from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, REMOVED
+from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.store.outbox import rebuild
 from station.store.table_counts import all_rows

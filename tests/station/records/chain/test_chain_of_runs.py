@@ -132,8 +132,8 @@ def test_a_unit_that_is_measured_while_a_folder_is_verified_is_no_problem(
     if altered:
         (old / "result.json").write_bytes(b"{}")
 
-    def walk_and_go_on(chain: Chain) -> Any:
-        found = walk(chain)
+    def walk_and_go_on(chain: Chain, **how: Any) -> Any:
+        found = walk(chain, **how)
         if happens:
             happens.pop(0)()
         return found

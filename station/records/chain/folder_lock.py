@@ -20,8 +20,8 @@ from station.errors import RecordError
 LOCK = ".lock"
 OF_OWNER, OF_GROUP = 0o600, 0o660
 
-LONGEST_WAIT_S = 10.0
-"""A process holds the lock for as long as it takes to lay out a run: some flushes of the disk."""
+LONGEST_WAIT_S = 30.0
+"""A process holds the lock for as long as it takes to lay out a run: some flushes of a disk that may be busy."""
 
 TRY_EVERY_S = 0.01
 

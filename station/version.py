@@ -25,8 +25,8 @@ from station.documents.manifest import Software
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("analysis", "controller", "definitions", "drivers", "faultlab", "recipes", "station", "virtual_bench")
-NOT_PROGRAM = frozenset({".pyc", ".nbi", ".nbc"})
-"""Endings of files that are made from the program while it runs."""
+MADE_FROM_PROGRAM = "__pycache__"
+"""Folders of what is made from the program while it runs: compiled modules, and machine code."""
 
 DECIDING = ("numpy", "scipy", "transitions", "canopen", "python-can", "pymodbus")
 """Dependencies that a measurement or a decision goes through; the bench file names the virtual bench's own."""
@@ -94,7 +94,7 @@ def files_sha256(root: Path = ROOT) -> str:
     digest = hashlib.sha256()
     for package in PACKAGES:
         for path in sorted((root / package).rglob("*")):
-            if path.suffix not in NOT_PROGRAM and path.is_file():
+            if MADE_FROM_PROGRAM not in path.parts and path.is_file():
                 content = hashlib.sha256(path.read_bytes()).hexdigest()
                 digest.update(f"{path.relative_to(root).as_posix()} {content}\n".encode())
     return digest.hexdigest()
@@ -108,7 +108,7 @@ def program_seen(root: Path = ROOT) -> int:
     looks = [("", Path(sysconfig.get_path("purelib")).stat().st_mtime_ns, 0)]
     for package in PACKAGES:
         for folder, folders, names in os.walk(root / package):
-            folders[:] = [name for name in folders if name != "__pycache__"]
+            folders[:] = [name for name in folders if name != MADE_FROM_PROGRAM]
             found = ((path, path.stat()) for path in (Path(folder, name) for name in names))
             looks += [(str(path), there.st_mtime_ns, there.st_size) for path, there in found]
     return hash(tuple(sorted(looks)))

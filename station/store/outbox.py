@@ -84,7 +84,6 @@ class _ReadSoFar:
 
     def __init__(self, chain: Chain) -> None:
         self._chain = chain
-        self._end = chain.content.rfind(b"\n") + 1  # the rest is no line: it is being written, or was torn
         self._hash, self._at = hashlib.sha256(), 0
         self._left: int | None = None
         self._left_at = 0
@@ -100,8 +99,8 @@ class _ReadSoFar:
     def sealed_behind(self, offset: int) -> int:
         """Return how many lines behind an offset, where a line begins, conclude a run."""
         content, at = self._chain.content, max(offset - 1, 0)
-        if self._left is None:
-            self._left = content.count(SEALED_LINE, at, self._end)
+        if self._left is None:  # what stands behind the last end of a line is none: it is being written, or was torn
+            self._left = content.count(SEALED_LINE, at, content.rfind(b"\n") + 1)
         else:
             low, high = sorted((self._left_at, at))
             between = content.count(SEALED_LINE, low, high + len(SEALED_LINE) - 1)

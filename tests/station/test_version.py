@@ -85,7 +85,8 @@ def test_a_copy_without_git_is_told_apart_by_its_files(copy: Path, monkeypatch: 
     assert fresh(copy) is None
     before = files_sha256(copy)
     (copy / "station" / "__pycache__").mkdir()
-    (copy / "station" / "__pycache__" / "x.pyc").write_bytes(b"made while it runs")
+    for name in ("x.pyc", "plant-0.o", "more.nbi"):
+        (copy / "station" / "__pycache__" / name).write_bytes(b"made while it runs")
     assert files_sha256(copy) == before
     (copy / "recipes" / "limits.yaml").write_text("a: 1\n")
     changed = files_sha256(copy)

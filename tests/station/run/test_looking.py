@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shutil
 import threading
 from collections.abc import Callable
@@ -150,15 +151,15 @@ def test_what_is_not_there_now_decides_nothing_and_conclude_is_tried_again(
 def test_a_file_that_cannot_be_opened_now_decides_nothing(
     deserted: RunRecord, number: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    honest = Path.read_bytes
+    honest = os.open
 
-    def refused(path: Path) -> bytes:
-        if path.name == "bench.yaml":
+    def refused(path: Any, *words: Any, **how: Any) -> int:
+        if os.fspath(path).endswith("bench.yaml"):
             raise OSError(number, "refused")
-        return honest(path)
+        return honest(path, *words, **how)
 
     with monkeypatch.context() as patched:
-        patched.setattr(Path, "read_bytes", refused)
+        patched.setattr(os, "open", refused)
         assert here("conclude", deserted.id, "--data", str(deserted.folder.parent)).exit_code == 1
     assert deserted.manifest().state == "recording"
     assert here("conclude", deserted.id, "--data", str(deserted.folder.parent)).exit_code == 0

@@ -25,10 +25,10 @@ from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
-from station.records.chain.old_index import INDEX, is_text
+from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
 from station.records.process_birth import process_birth
-from station.records.run_folders import STAMP, is_run, moment_of, runs_there
+from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
 from station.there import is_folder, is_there

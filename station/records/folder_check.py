@@ -9,9 +9,10 @@ from pathlib import Path
 
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain
 from station.records.chain.entries import Entry
-from station.records.chain.old_index import INDEX, index_kept, is_text, runs_in
+from station.records.chain.old_index import INDEX, index_kept, runs_in
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Walk
+from station.records.run_folders import is_text
 from station.records.run_record import RunRecord
 
 

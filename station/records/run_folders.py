@@ -20,6 +20,15 @@ def moment_of(name: str) -> datetime | None:
         return None
 
 
+def is_text(name: str) -> bool:
+    """Whether the name of a folder is text, which a line can hold: on the disk it may be any bytes."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def is_run(folder: Path) -> bool:
     """Say whether a folder is a run: it has a run.json; where nobody can look into it, its name says it.
 

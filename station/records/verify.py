@@ -15,6 +15,7 @@ from station.records.chain.walk import Trust, Walk, attempt_problems, end_proble
 from station.records.data_folder import Store
 from station.records.folder_check import about_run, folder_problems, name_problems, runs_before
 from station.records.revisions.history import History
+from station.records.run_folders import is_text
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
 from station.records.traces import trace_problems
@@ -72,8 +73,9 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
     found = walk(chain, trusted=trust.keys)
     problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, trust)]
     problems += attempt_problems(found, trust)
-    runs = Store(data).runs()
-    problems += name_problems(Store(data).folders())
+    names = Store(data).folders()
+    runs = [RunRecord(data / name) for name in names if is_text(name)]
+    problems += name_problems(names)
     chain.index()
     if chain.there:
         before, old_problems = runs_before(chain)

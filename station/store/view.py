@@ -22,11 +22,10 @@ from sqlalchemy import Connection, select
 from station.atomic_file import seen_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
-from station.records.chain.old_index import is_text
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
 from station.records.folder_check import folder_problems, name_problems, runs_before
-from station.records.run_folders import moment_of, runs_there
+from station.records.run_folders import is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
 from station.store.engine import IN_MEMORY, Database, StoreError

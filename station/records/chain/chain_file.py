@@ -13,10 +13,11 @@ from contextlib import suppress
 from pathlib import Path
 
 from station.atomic_file import open_file, refused, seen_text, sync_folder
+from station.documents.manifest import MANIFEST
 from station.records.chain.blocks import lines_in, lines_with
 from station.records.chain.entries import REMOVED, START, Entry, entry_of, text_in_line
 from station.records.chain.head import chain_seen_in
-from station.records.chain.old_index import MANIFEST, BeforeChain
+from station.records.chain.old_index import BeforeChain
 from station.there import is_there
 
 CHAIN = "chain.jsonl"

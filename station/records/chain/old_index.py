@@ -12,13 +12,11 @@ from pathlib import Path
 
 from station.atomic_file import read_file
 from station.errors import RecordError
-from station.records.run_folders import runs_there
+from station.records.run_folders import is_text, runs_there
 from station.there import is_there
 
 INDEX = "index.jsonl"
 """Name of the file, beside the folders of the runs."""
-
-MANIFEST = "run.json"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,15 +38,6 @@ class BeforeChain:
     bytes: int
     sha256: str
     unconcluded: tuple[str, ...]
-
-
-def is_text(name: str) -> bool:
-    """Whether the name of a folder is text, which a line can hold: on the disk it may be any bytes."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
 
 
 def index_lines(content: bytes, run_id: str) -> list[IndexLine]:

@@ -1,6 +1,6 @@
 """How long the commands take with many runs, beside the same with ten: `python -m benchmarks.store_size`.
 
-Every command is a process of its own, as a person starts it. What counts is the difference to ten runs.
+Every command is a process of its own, as a person starts it. What counts is the difference to ten runs, in pairs.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import NamedTuple
 
 from benchmarks.many_runs import make_runs
 
@@ -35,20 +36,33 @@ COMMANDS: dict[str, tuple[str, ...]] = {
 """What is measured; the short golden run is the same in both folders, so that its start makes the difference."""
 
 
-def timed(args: tuple[str, ...], data: Path, tries: int) -> tuple[float, float]:
-    """Return the median wall time and the median processor time of a command, in seconds."""
-    walls, work = [], []
-    for _ in range(tries):
-        before, started = os.times(), time.perf_counter()
-        done = subprocess.run(  # noqa: S603 - this program
-            [sys.executable, "-m", "station", *args, "--data", str(data)], cwd=ROOT, capture_output=True, check=False
-        )
-        walls.append(time.perf_counter() - started)
-        after = os.times()
-        work.append(after.children_user + after.children_system - before.children_user - before.children_system)
-        if done.returncode not in (0, 1, 3):
-            sys.exit(f"{args}: {done.returncode} {done.stderr.decode()[-2000:]}")
-    return statistics.median(walls), statistics.median(work)
+class Times(NamedTuple):
+    """What a command takes, in seconds: by the clock, and of the processor."""
+
+    wall: float
+    work: float
+
+
+def timed(args: tuple[str, ...], data: Path) -> Times:
+    """Return what a command takes."""
+    before, started = os.times(), time.perf_counter()
+    done = subprocess.run(  # noqa: S603 - this program
+        [sys.executable, "-m", "station", *args, "--data", str(data)], cwd=ROOT, capture_output=True, check=False
+    )
+    wall, after = time.perf_counter() - started, os.times()
+    if done.returncode not in (0, 1, 3):
+        sys.exit(f"{args}: {done.returncode} {done.stderr.decode()[-2000:]}")
+    return Times(wall, after.children_user + after.children_system - before.children_user - before.children_system)
+
+
+def in_pairs(args: tuple[str, ...], few: Path, many: Path, tries: int) -> tuple[Times, Times]:
+    """Return the medians of what a command takes with few runs, and of what it takes more with many.
+
+    One of each at a time: a computer that is slow for a minute is then slow for both.
+    """
+    pairs = [(timed(args, few), timed(args, many)) for _ in range(tries)]
+    with_few = Times(*(statistics.median(one[of] for one, _ in pairs) for of in range(2)))
+    return with_few, Times(*(statistics.median(other[of] - one[of] for one, other in pairs) for of in range(2)))
 
 
 def own_server(folder: Path) -> str:
@@ -64,7 +78,7 @@ def main() -> None:
     """Make both folders, time every command in both, and say whether all stay within the allowed difference."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--runs", type=int, default=20_000)
-    parser.add_argument("--tries", type=int, default=3)
+    parser.add_argument("--tries", type=int, default=7, help="pairs of each command")
     parser.add_argument("--postgresql", action="store_true", help="on a server of its own, instead of SQLite")
     parser.add_argument("--folder", type=Path, help="keep the folders there, and use them again")
     asked = parser.parse_args()
@@ -78,15 +92,14 @@ def main() -> None:
             started = time.perf_counter()
             make_runs(data, count)
             print(f"{count} runs made in {time.perf_counter() - started:.1f} s")
-        wall, _ = timed(("store", "rebuild"), data, 1)
+        wall = timed(("store", "rebuild"), data).wall
         print(f"store rebuild with {count} runs: {wall:.1f} s")
     slow = []
-    print(f"{'':14} {FEW:>7} runs {asked.runs:>7} runs   more   of that processor [s]")
+    print(f"{'':14} {FEW:>7} runs   with {asked.runs} more   of that processor [s]")
     for name, args in COMMANDS.items():
-        with_few, work_few = timed(args, few, asked.tries)
-        with_many, work_many = timed(args, many, asked.tries)
-        print(f"{name:14} {with_few:12.2f} {with_many:12.2f} {with_many - with_few:+6.2f} {work_many - work_few:+6.2f}")
-        slow += [name] if work_many - work_few > ALLOWED_S else []
+        with_few, more = in_pairs(args, few, many, asked.tries)
+        print(f"{name:14} {with_few.wall:12.2f} {more.wall:+17.2f} {more.work:+19.2f}")
+        slow += [name] if more.work > ALLOWED_S else []
     if asked.folder is None:
         shutil.rmtree(place)
     if slow:

@@ -1,7 +1,7 @@
 """The compiled inner step of the plant, as a function to call: compiled by numba once, loaded without it ever after.
 
 numba takes two seconds to be imported and to find its own cached code again, in each of the many processes that hold
-a virtual bench; what it makes of the kernel is 7 KB of machine code that needs nothing but `exp`. So that code is kept
+a virtual bench; what it makes of the kernel is some KB of machine code that needs nothing else. So that code is kept
 as an object file beside the compiled Python modules, under a name made of all that it depends on, and LLVM alone loads
 it in a hundredth of that time.
 """
@@ -25,7 +25,7 @@ import llvmlite.binding as llvm
 Look = Callable[[int, int, int, int, int, int], None]
 """`plant_kernel.look` by addresses: numbers, their count, noise, steps, counts, values."""
 
-SOURCES = ("plant_kernel.py", "plant_numbers.py")
+SOURCES = ("plant_kernel.py", "plant_numbers.py", "decay.py")
 """What the kernel is made of; it is compiled anew when one of these files changes."""
 
 NAME = "look"
@@ -117,7 +117,7 @@ def _compiled(cpu: str, features: str) -> bytes:
         names = ", ".join(sorted(called))
         raise RuntimeError(
             f"plant_kernel.py: the compiled kernel calls {names}; without numba it may call only functions of LLVM "
-            "itself, such as exp. Change the kernel so that it neither raises nor allocates"
+            "itself. Change the kernel so that it neither raises nor allocates"
         )
     return bytes(machine.emit_object(module))
 

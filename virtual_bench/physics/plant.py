@@ -8,12 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import exp
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from virtual_bench.config import BenchConfig
+from virtual_bench.physics.decay import decay
 from virtual_bench.physics.find_unit import find_unit
 from virtual_bench.physics.machine_code import look
 from virtual_bench.physics.motor_stop import MotorView
@@ -173,7 +173,7 @@ class Plant:
         """Temperature of the housing: rises with the same time constant as the drift."""
         time_s = self.now_ns * 1e-9
         return self._config.ambient_temp_c + self.unit.temperature_rise_k * (
-            1.0 - exp(-time_s / self.unit.drift_time_s)
+            1.0 - decay(time_s / self.unit.drift_time_s)
         )
 
     @property

@@ -10,12 +10,14 @@ here may raise or allocate: what is compiled needs no Python beside it.
 
 from __future__ import annotations
 
-from math import exp, floor
+from collections.abc import Callable
+from math import floor
 from typing import Any
 
 import numpy as np
 from numba import carray, cfunc, njit, types  # type: ignore[attr-defined]
 
+from virtual_bench.physics import decay
 from virtual_bench.physics.plant_numbers import (
     ARCMIN_RAD,
     CH,
@@ -40,6 +42,24 @@ DT = STEP_NS * 1e-9
 COLUMNS = len(CH)
 OFF = int(DriveLoop.OFF)
 VELOCITY = int(DriveLoop.VELOCITY)
+series: Callable[[float], float] = njit(decay.series)
+LARGEST, PARTS, PARTS_IN_ONE, PART_HIGH, PART_LOW = (
+    decay.LARGEST, decay.PARTS, decay.PARTS_IN_ONE, decay.PART_HIGH, decay.PART_LOW,
+)  # fmt: skip
+HALVES, ROOTS = decay.HALVES, decay.ROOTS
+
+
+@njit(error_model="numpy")
+def decay_of(y: float) -> float:
+    """Return exp(−y) for y of 0 or more, as `decay.decay`; what is no number stays none."""
+    at = y * PARTS_IN_ONE + 0.5
+    if at < 1.0:  # most of them: no part to take off
+        return series(y)
+    if not y < LARGEST:
+        return 0.0 if y >= LARGEST else y
+    parts = int(at)
+    scale: float = ROOTS[parts & (PARTS - 1)] * HALVES[parts // PARTS]
+    return series(y - parts * PART_HIGH - parts * PART_LOW) * scale
 
 
 @njit(error_model="numpy")
@@ -76,13 +96,13 @@ def advance(state: FloatArray, params: FloatArray, control: FloatArray, table: F
     v_ii = params[P.VELOCITY_II_NM_RADS]
     table_start = params[P.TABLE_START_ARCMIN]
     table_step = params[P.TABLE_STEP_ARCMIN]
-    a_drift = 1.0 - exp(-DT / params[P.DRIFT_TIME_S])
-    a_brake = 1.0 - exp(-DT / params[P.BRAKE_TIME_S])
-    a_motor = 1.0 - exp(-DT * params[P.TORQUE_LOOP_RAD_S])
-    a_torque_d = 1.0 - exp(-DT / params[P.LAG_TORQUE_DRIVEN_S])
-    a_torque_l = 1.0 - exp(-DT / params[P.LAG_TORQUE_LOCKED_S])
-    a_angle_d = 1.0 - exp(-DT / params[P.LAG_ANGLE_DRIVEN_S])
-    a_angle_l = 1.0 - exp(-DT / params[P.LAG_ANGLE_LOCKED_S])
+    a_drift = 1.0 - decay_of(DT / params[P.DRIFT_TIME_S])
+    a_brake = 1.0 - decay_of(DT / params[P.BRAKE_TIME_S])
+    a_motor = 1.0 - decay_of(DT * params[P.TORQUE_LOOP_RAD_S])
+    a_torque_d = 1.0 - decay_of(DT / params[P.LAG_TORQUE_DRIVEN_S])
+    a_torque_l = 1.0 - decay_of(DT / params[P.LAG_TORQUE_LOCKED_S])
+    a_angle_d = 1.0 - decay_of(DT / params[P.LAG_ANGLE_DRIVEN_S])
+    a_angle_l = 1.0 - decay_of(DT / params[P.LAG_ANGLE_LOCKED_S])
     last = table.shape[0] - 2
 
     target_torque = control[C.TORQUE_NM]
@@ -169,7 +189,7 @@ def advance(state: FloatArray, params: FloatArray, control: FloatArray, table: F
         level = (t_cl + mu_l * abs(load)) if w * load > 0.0 else (t_cu + mu_u * abs(load))
         if w != 0.0:
             z_end = level / s0 if w > 0.0 else -level / s0
-            z_new = z_end + (z - z_end) * exp(-s0 * abs(w) * DT / level)
+            z_new = z_end + (z - z_end) * decay_of(s0 * abs(w) * DT / level)
         else:
             z_new = z
         friction = s0 * z_new + s1 * (z_new - z) / DT + s2 * w
@@ -203,7 +223,7 @@ def advance(state: FloatArray, params: FloatArray, control: FloatArray, table: F
         tangent = (table[cell + 1] - table[cell]) / table_step + sigma * (1.0 - f_h * side / f_c)
         moved = gap * k_fix / (k_fix + tangent)
         phi += moved
-        f_h = side * f_c + (f_h - side * f_c) * exp(-sigma * abs(moved) / f_c)
+        f_h = side * f_c + (f_h - side * f_c) * decay_of(sigma * abs(moved) / f_c)
         at = (phi - table_start) / table_step
         cell = min(max(int(at), 0), last)
         torque = table[cell] + (table[cell + 1] - table[cell]) * (at - cell) + f_h

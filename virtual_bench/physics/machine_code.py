@@ -1,7 +1,7 @@
 """The compiled inner step of the plant, as a function to call: compiled by numba once, loaded without it ever after.
 
 numba takes two seconds to be imported and to find its own cached code again, in each of the many processes that hold
-a virtual bench; what it makes of the kernel is some KB of machine code that needs nothing else. So that code is kept
+a virtual bench; what it makes of the kernel is 20 KB of machine code that needs nothing else. So that code is kept
 as an object file beside the compiled Python modules, under a name made of all that it depends on, and LLVM alone loads
 it in a hundredth of that time.
 """

@@ -10,7 +10,7 @@ BOTH_TORQUES = ("sensor.torque_out", "sensor.torque_in")
 LATE = {"torque_lines", "drive_torque_gap", "late_torque", "noise_low"}
 WRONG = {
     "torques late by 150 ms": ("worn", BOTH_TORQUES, "verb: lag, value: 0.15", LATE),
-    "output torque late by 50 ms": ("worn", BOTH_TORQUES[:1], "verb: lag, value: 0.05", {"late_torque", "noise_low"}),
+    "output torque late by 40 ms": ("worn", BOTH_TORQUES[:1], "verb: lag, value: 0.04", {"late_torque", "noise_low"}),
     "torques a quarter too large": ("soft", BOTH_TORQUES, "verb: scale, value: 1.25", {"drive_torque_agreement"}),
     "locked encoder turned round": ("P1", ("sensor.angle_out",), "verb: flip", {"locked_compliance"}),
     "locked encoder stands": ("worn", ("sensor.angle_out",), "verb: stuck", {"locked_compliance"}),

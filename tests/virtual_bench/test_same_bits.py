@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from virtual_bench.physics.decay import LARGEST, decay, series
-from virtual_bench.physics.plant_kernel import decay_of
 
 STEPPED = """
 import hashlib, sys
@@ -71,6 +70,8 @@ def test_it_is_the_exponential_function() -> None:
 
 
 def test_what_is_compiled_gives_the_same_bits() -> None:
+    from virtual_bench.physics.plant_kernel import decay_of  # noqa: PLC0415 - it compiles for some seconds
+
     assert [decay_of(y) for y in Y.tolist()] == decay(Y).tolist()
     assert isnan(decay_of(nan))
     assert [float(decay(y)) for y in Y[::100].tolist()] == decay(Y[::100]).tolist()

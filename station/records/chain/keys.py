@@ -125,8 +125,12 @@ def _public(key: str) -> Ed25519PublicKey:
     return Ed25519PublicKey.from_public_bytes(bytes.fromhex(key.removeprefix(PREFIX)))
 
 
+@lru_cache(maxsize=1024)
 def signed_by(key: str, content: bytes, signature: str) -> bool:
-    """Whether a signature is that of a public key over some bytes."""
+    """Whether a signature is that of a public key over some bytes.
+
+    What was found is kept for the newest: at every look the ends of the same chains and the same heads are asked for.
+    """
     try:
         _public(key).verify(bytes.fromhex(signature), content)
     except (InvalidSignature, ValueError, TypeError):

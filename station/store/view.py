@@ -198,12 +198,10 @@ def _stored(connection: Connection, chain: Chain) -> tuple[dict[str, str | None]
 
     None where a run was not concluded. Oldest first.
     """
-    begun = select(ATTEMPTS.c.run).where(ATTEMPTS.c.chain == chain.id).order_by(ATTEMPTS.c.run)
-    concluded = select(RUNS.c.run, RUNS.c.seen, RUNS.c.altered).where(RUNS.c.chain == chain.id).order_by(RUNS.c.run)
-    rows = connection.execute(concluded).all()
-    was = {run: seen_then for run, seen_then, _ in rows}
-    stored = {run: was.get(run) for run in connection.execute(begun).scalars().all()}
-    return stored, {run: text.splitlines() for run, _, text in rows if text}
+    concluded = (RUNS.c.chain == ATTEMPTS.c.chain) & (RUNS.c.run == ATTEMPTS.c.run)
+    begun = select(ATTEMPTS.c.run, RUNS.c.seen, RUNS.c.altered).select_from(ATTEMPTS).outerjoin(RUNS, concluded)
+    rows = connection.execute(begun.where(ATTEMPTS.c.chain == chain.id).order_by(ATTEMPTS.c.run)).tuples().all()
+    return {run: seen for run, seen, _ in rows}, {run: text.splitlines() for run, _, text in rows if text}
 
 
 def _files_of_newest(connection: Connection, chain: Chain, folders: Iterable[str]) -> dict[str, str]:

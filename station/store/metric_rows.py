@@ -11,11 +11,11 @@ from collections import defaultdict
 from collections.abc import Collection, Mapping
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Select, and_, func, null, or_, select
+from sqlalchemy import ColumnElement, Select, and_, func, null, select
 
 from station.store.plant.hours import COMPLETE
 from station.store.plant.meanings import Meaning, meanings_of
-from station.store.stored_runs import MOST_NAMED, is_trusted
+from station.store.stored_runs import MOST_NAMED, is_trusted, trusted
 from station.store.tables import METRICS, RUNS
 from station.store.view import View
 
@@ -148,15 +148,12 @@ OF_A_STUDY = ~RUNS.c.in_production & (RUNS.c.altered == "") & (RUNS.c.master == 
 
 def _counts(view: View, serial: str | None, *, studies: bool) -> ColumnElement[bool]:
     """Return the condition that a run counts, as far as the store knows it; a master part does where it is named."""
-    # Not as `coalesce(key, '') IN`, of which PostgreSQL takes one run in two hundred to be: it then looks for the
-    # metrics of each run by itself. With `is not null` what does not count is all the others, those without a key too.
-    known = and_(RUNS.c.key.is_not(None), RUNS.c.key.in_(view.trust.keys))
     found = and_(
         RUNS.c.recipe != "",
         RUNS.c.state == COMPLETE,
         RUNS.c.altered == "",
         RUNS.c.objection == "",
-        or_(RUNS.c.key.is_(None), known) if is_trusted(None, view.chain, view.trust) else known,
+        trusted(view.trust.keys, unsigned_count=is_trusted(None, view.chain, view.trust)),
     )
     if not studies:  # some units measured again and again: no sample of what is produced
         found = and_(found, ~OF_A_STUDY)

@@ -5,10 +5,10 @@ The list, the search, the table of runs and the shift report all read runs here.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any, NamedTuple
 
-from sqlalchemy import Connection, Select, func, select
+from sqlalchemy import ColumnElement, Connection, Select, and_, func, or_, select
 
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
@@ -168,6 +168,16 @@ def is_trusted(key: str | None, chain: Chain, trust: Trust) -> bool:
     if key is None and chain.start is not None:
         key = chain.start.key
     return key is None or key in trust.keys
+
+
+def trusted(keys: Collection[str], *, unsigned_count: bool) -> ColumnElement[bool]:
+    """Return the condition of `is_trusted` for the rows of runs; its negation holds for all others, also without a key.
+
+    keys: those that are known. unsigned_count: `is_trusted` of a run that names no key.
+    """
+    # Not as `coalesce(key, '') IN`: PostgreSQL then expects one run in two hundred, and looks for the metrics of each.
+    known = and_(RUNS.c.key.is_not(None), RUNS.c.key.in_(keys))
+    return or_(RUNS.c.key.is_(None), known) if unsigned_count else known
 
 
 def believed(run: StoredRun, chain: Chain, trust: Trust) -> StoredRun:

@@ -14,14 +14,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, func, or_, select
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, func, select
 
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.store.outbox import catch_up
 from station.store.plant.hours import COMPLETE, FIRST_ATTEMPT, between_hours, whole_hours
-from station.store.stored_runs import NO_LIMIT, is_trusted, total_of
+from station.store.stored_runs import NO_LIMIT, is_trusted, total_of, trusted
 from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
 
@@ -102,8 +102,7 @@ class Production:
 
     def trusted(self) -> ColumnElement[bool]:
         """Return the condition that somebody known signed a run."""
-        known = RUNS.c.key.in_(self.keys)
-        return or_(RUNS.c.key.is_(None), known) if self.unsigned_count else known
+        return trusted(self.keys, unsigned_count=self.unsigned_count)
 
     def one_recipe(self, lot: Lot) -> Lot:
         """Return the lot with its recipe named: values of several recipes are not of one kind.

@@ -29,7 +29,8 @@ from sqlalchemy import Connection, create_engine, insert, select, text, update
 from benchmarks.many_runs import FIRST, UNITS_MEASURED_TWICE, make_runs
 from benchmarks.store_size import own_server
 from station.records.chain.chain_file import Chain
-from station.store.engine import Database, keep_connections
+from station.store.engine import Database
+from station.store.engines import keep_connections
 from station.store.places import STORE_URL
 from station.store.plant.hours import count_all_hours, hour_of
 from station.store.plant.months import make_months

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from threading import Lock
-from typing import Any
 
-from sqlalchemy import Column, Connection, Engine, MetaData, String, Table, create_engine, event, insert, inspect, text
-from sqlalchemy.engine import make_url
+from sqlalchemy import Column, Connection, MetaData, String, Table, insert, inspect, text
 from sqlalchemy.exc import SQLAlchemyError
-from sqlalchemy.pool import StaticPool
 
 from station.errors import StationError
+from station.store.engines import BUSY_S, ENGINES
 from station.store.places import StorePlace
 from station.store.plant.months import make_rest
 from station.store.plant.sizes import tell_sizes
@@ -27,57 +24,15 @@ VERSIONS = "alembic_version"
 _VERSION = Table(VERSIONS, MetaData(), Column("version_num", String(32), primary_key=True))
 """The table in which Alembic keeps the version of the others."""
 
-IN_MEMORY = "sqlite://"
-BUSY_S = 3.0
-"""How long another writer, or a server that does not answer, is waited for."""
-
 FEW_RUNS = 5_000
 """Runs up to which a store of an older version is brought to this one by whoever opens it: some seconds."""
 
 ONE_AT_A_TIME = 7_362_514_220
 """Number of the advisory lock by which writers on PostgreSQL take turns."""
 
-KEPT, MORE = 1, 9
-"""Connections to a server that are kept, and how many more there are at a time: a server allows a hundred as a rule,
-and forty benches may share it."""
-
-KEPT_S = 900
-"""How old a kept connection may become: what it remembers of all partitions takes memory of the server."""
-
 
 class StoreError(StationError):
     """The store cannot be used. No run and no verdict depends on it."""
-
-
-class _Kept:
-    """Engines whose connections outlive one look, by the address of their server; none until somebody asks for it."""
-
-    def __init__(self) -> None:
-        self._asked, self._engines, self._lock = False, dict[str, Engine](), Lock()
-
-    def begin(self) -> None:
-        self._asked = True
-
-    def engine(self, url: str) -> Engine | None:
-        """Return the engine of a server whose connections are kept."""
-        if not self._asked or url.startswith("sqlite"):
-            return None
-        with self._lock:
-            if url not in self._engines:
-                self._engines[url] = _engine(url)
-            return self._engines[url]
-
-
-_KEPT = _Kept()
-
-
-def keep_connections() -> None:
-    """Keep connections to a database server from one look to the next, in a process that answers people all day.
-
-    A new connection to PostgreSQL knows none of the partitions yet: with years of runs it takes longer to learn them
-    than to find what was asked for. One that has broken since is noticed before it is used, and made anew.
-    """
-    _KEPT.begin()
 
 
 class Database:
@@ -94,11 +49,14 @@ class Database:
         """
         self.place = place
         self._may_take_long = may_take_long
+        self._is_open = True
         with _told(place):
-            kept = _KEPT.engine(place.url)
-            self._is_kept = kept is not None
-            self._engine = kept or _engine(place.url)
-            self._migrate()
+            self._engine = ENGINES.take(place.url)
+            try:
+                self._migrate()
+            except BaseException:
+                self.close()
+                raise
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
@@ -122,9 +80,10 @@ class Database:
                 yield connection
 
     def close(self) -> None:
-        """Close it; connections that are kept stay open."""
-        if not self._is_kept:
-            self._engine.dispose()
+        """Close it, once; connections that are kept stay open."""
+        if self._is_open:
+            self._is_open = False
+            ENGINES.let_go(self._engine)
 
     def _migrate(self) -> None:
         with self._engine.connect() as connection:
@@ -190,37 +149,6 @@ def upgrade(connection: Connection, place: StorePlace, version: str | None) -> N
             "newer lostmotion, or name another store with --store"
         )
     command.upgrade(config, "head")
-
-
-def _engine(url: str) -> Engine:
-    place = make_url(url)
-    if url == IN_MEMORY:
-        engine = create_engine(place, poolclass=StaticPool, connect_args={"check_same_thread": False})
-    elif url.startswith("sqlite"):
-        engine = create_engine(place, connect_args={"timeout": BUSY_S})
-    else:
-        connect = {"connect_timeout": int(BUSY_S)}
-        engine = create_engine(
-            place, connect_args=connect, pool_pre_ping=True, pool_recycle=KEPT_S, pool_size=KEPT, max_overflow=MORE
-        )
-    if url.startswith("sqlite"):
-        event.listen(engine, "connect", _set_up_sqlite)
-        event.listen(engine, "begin", _begin_sqlite)
-    return engine
-
-
-def _set_up_sqlite(connection: Any, _record: object) -> None:
-    # The driver's own transactions leave tables out, and begin late; `_begin_sqlite` begins them instead.
-    connection.isolation_level = None
-    cursor = connection.cursor()
-    cursor.execute("PRAGMA journal_mode = WAL")
-    cursor.execute("PRAGMA synchronous = NORMAL")
-    cursor.close()
-
-
-def _begin_sqlite(connection: Connection) -> None:
-    writes = connection.get_execution_options().get("writes")
-    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
 
 
 @contextmanager

@@ -28,7 +28,8 @@ from station.records.folder_check import folder_problems, name_problems, runs_be
 from station.records.run_folders import is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
-from station.store.engine import IN_MEMORY, Database, StoreError
+from station.store.engine import Database, StoreError
+from station.store.engines import IN_MEMORY
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals

@@ -14,7 +14,7 @@ from starlette.types import ASGIApp
 
 from station.errors import StationError
 from station.heap import keep_heap_small
-from station.store.engine import keep_connections
+from station.store.engines import keep_connections
 from station.web.aqdef.outbox import Writer
 from station.web.aqdef.settings import load_aqdef
 from station.web.guard import Guard

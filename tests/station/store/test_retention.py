@@ -24,7 +24,7 @@ from station.records.data_folder import Store
 from station.records.traces import FOLDER
 from station.records.verify import verify_folder
 from station.store import outbox
-from station.store.engine import IN_MEMORY
+from station.store.engines import IN_MEMORY
 from station.store.plant.removals import removals, removals_now
 from station.store.retention import apply, load_rules, plan
 from station.store.run_search import MISSING, search

@@ -1,0 +1,129 @@
+"""Engines of SQLAlchemy: one for each database that a process looks at, made once.
+
+An engine keeps what statements became in the words of its database; to make that anew takes longer than to ask a small
+store. The connections end with the last look that is on: a file can be another one at the next, and a server allows
+few. A process that answers people all day keeps those to a server.
+"""
+
+from __future__ import annotations
+
+import os
+from collections import OrderedDict
+from threading import Lock
+from typing import Any
+
+from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy.engine import make_url
+from sqlalchemy.pool import StaticPool
+
+IN_MEMORY = "sqlite://"
+BUSY_S = 3.0
+"""How long another writer, or a server that does not answer, is waited for."""
+
+KEPT, MORE = 1, 9
+"""Connections to a server that are kept, and how many more there are at a time: a server allows a hundred as a rule,
+and forty benches may share it."""
+
+KEPT_S = 900
+"""How old a kept connection may become: what it remembers of all partitions takes memory of the server."""
+
+FILE_KEPT_S = 1
+"""How old an open file becomes where looks overlap without end: another may have been put in its place."""
+
+MOST_ENGINES = 4
+"""Engines that are kept while nobody uses them: what each has compiled takes some megabytes."""
+
+
+class Engines:
+    """The engines of a process, by the address of their database; each is used by any number of threads."""
+
+    def __init__(self) -> None:
+        self._engines = OrderedDict[str, Engine]()
+        self._users: dict[Engine, int] = {}
+        self._keeps_connections, self._lock = False, Lock()
+        self._of_parent: list[object] = []
+
+    def keep_connections(self) -> None:
+        """Keep those to a database server, here on."""
+        self._keeps_connections = True
+
+    def take(self, url: str) -> Engine:
+        """Return the engine of a database, which is given back by `let_go`; one in memory is always new."""
+        with self._lock:
+            engine = (None if url == IN_MEMORY else self._engines.get(url)) or new_engine(url)
+            self._users[engine] = self._users.get(engine, 0) + 1
+            if url != IN_MEMORY:
+                self._engines[url] = engine
+                self._engines.move_to_end(url)
+            return engine
+
+    def let_go(self, engine: Engine) -> None:
+        """Give an engine back; when nobody uses it any more its connections are closed, or kept."""
+        with self._lock:
+            if engine not in self._users:
+                return  # of a parent
+            self._users[engine] -= 1
+            if self._users[engine]:
+                return
+            del self._users[engine]
+            if not self._keeps_connections or engine.dialect.name == "sqlite":
+                engine.dispose()
+            idle = [url for url, one in self._engines.items() if one not in self._users]
+            for url in idle[: max(0, len(self._engines) - MOST_ENGINES)]:
+                self._engines.pop(url).dispose()
+
+    def begin_in_child(self) -> None:
+        """Use none of the parent's connections in a process that was forked off, and close none of them either."""
+        self._of_parent += [*self._engines.values(), *self._users]
+        self._engines, self._users, self._lock = OrderedDict(), {}, Lock()
+
+
+ENGINES = Engines()
+os.register_at_fork(after_in_child=ENGINES.begin_in_child)
+
+
+def keep_connections() -> None:
+    """Keep connections to a database server from one look to the next, in a process that answers people all day.
+
+    A new connection to PostgreSQL knows none of the partitions yet: with years of runs it takes longer to learn them
+    than to find what was asked for. One that has broken since is noticed before it is used, and made anew.
+    """
+    ENGINES.keep_connections()
+
+
+def new_engine(url: str) -> Engine:
+    """Return an engine of its own; it connects when it is first used."""
+    place = make_url(url)
+    if url == IN_MEMORY:
+        engine = create_engine(place, poolclass=StaticPool, connect_args={"check_same_thread": False})
+    elif url.startswith("sqlite"):
+        # As many as there are looks at a time: they are given back soon, and waiting for one could take half a minute.
+        connect = {"timeout": BUSY_S}
+        engine = create_engine(place, connect_args=connect, pool_recycle=FILE_KEPT_S, max_overflow=-1)
+    else:
+        engine = create_engine(
+            place,
+            connect_args={"connect_timeout": int(BUSY_S)},
+            pool_pre_ping=True,
+            pool_recycle=KEPT_S,
+            pool_size=KEPT,
+            max_overflow=MORE,
+        )
+    if url.startswith("sqlite"):
+        event.listen(engine, "connect", _set_up_sqlite)
+        event.listen(engine, "begin", _begin_sqlite)
+    return engine
+
+
+def _set_up_sqlite(connection: Any, _record: object) -> None:
+    # The driver's own transactions leave tables out, and begin late; `_begin_sqlite` begins them instead.
+    connection.isolation_level = None
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA journal_mode = WAL")
+    cursor.execute("PRAGMA synchronous = NORMAL")
+    cursor.close()
+
+
+def _begin_sqlite(connection: Connection) -> None:
+    writes = connection.get_execution_options().get("writes")
+    connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from virtual_bench.faults.scenario import Fault
 from virtual_bench.faults.schedule import FaultSchedule
-from virtual_bench.physics.decay import decay
+from virtual_bench.physics.decay import decay_of
 from virtual_bench.physics.plant import Plant, Sample
 from virtual_bench.physics.plant_numbers import CH
 from virtual_bench.physics.plant_sensors import CHANNELS
@@ -84,6 +84,6 @@ class SensorFaults:
     def _lag(self, target: str, now: float, time_us: int, time_constant_s: float) -> float:
         """Return a value behind a first-order lag that began at the first sample."""
         before_us, lagging = self._lagging.get(target, (time_us, now))
-        lagging += (now - lagging) * (1.0 - decay((time_us - before_us) * 1e-6 / time_constant_s))
+        lagging += (now - lagging) * (1.0 - decay_of((time_us - before_us) * 1e-6 / time_constant_s))
         self._lagging[target] = (time_us, lagging)
         return lagging

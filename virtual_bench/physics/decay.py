@@ -11,12 +11,10 @@ floating-point arithmetic, ACM Transactions on Mathematical Software 15 (1989), 
 from __future__ import annotations
 
 from decimal import Decimal, localcontext
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-
-Numbers = TypeVar("Numbers", float, npt.NDArray[np.float64])
 
 LARGEST = 700.0
 """Beyond it nothing is left, 1e-304: 0."""
@@ -56,14 +54,26 @@ def series(r: Any) -> Any:
     return (1.0 - r) + rr * ((1 / 2 - r * (1 / 6)) + rr * ((1 / 24 - r * (1 / 120)) + rr * (1 / 720)))
 
 
-def decay(y: Numbers) -> Numbers:
-    """Return exp(−y), within 4e-16 of it, of a number or of each one of an array; each is 0 or more.
-
-    `plant_kernel.decay_of` does the same with one number where it is compiled.
-    """
+def decay(y: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+    """Return exp(−y), within 4e-16 of it, of each number of an array; each is 0 or more."""
     bounded = np.minimum(y, LARGEST)
     parts = (bounded * PARTS_IN_ONE + 0.5).astype(np.int64)
     left = bounded - parts * PART_HIGH - parts * PART_LOW
     scale = ROOTS[parts % PARTS] * HALVES[parts // PARTS]
-    found: Numbers = np.where(y < LARGEST, series(left) * scale, 0.0)[()]  # type: ignore[assignment]
+    found: npt.NDArray[np.float64] = np.where(y < LARGEST, series(left) * scale, 0.0)
     return found
+
+
+def decay_of(y: float) -> float:
+    """Return exp(−y) of one number of 0 or more, with the bits of `decay`; what is no number stays none.
+
+    The plant's kernel has it compiled.
+    """
+    at = y * PARTS_IN_ONE + 0.5
+    if at < 1.0:  # most of them: no part to take off
+        return float(series(y))
+    if not y < LARGEST:
+        return 0.0 if y >= LARGEST else y
+    parts = int(at)
+    scale = ROOTS[parts & (PARTS - 1)] * HALVES[parts // PARTS]
+    return float(series(y - parts * PART_HIGH - parts * PART_LOW) * scale)

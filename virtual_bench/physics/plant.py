@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from virtual_bench.config import BenchConfig
-from virtual_bench.physics.decay import decay
+from virtual_bench.physics.decay import decay_of
 from virtual_bench.physics.find_unit import find_unit
 from virtual_bench.physics.machine_code import look
 from virtual_bench.physics.motor_stop import MotorView
@@ -172,9 +172,8 @@ class Plant:
     def housing_temp_c(self) -> float:
         """Temperature of the housing: rises with the same time constant as the drift."""
         time_s = self.now_ns * 1e-9
-        return self._config.ambient_temp_c + self.unit.temperature_rise_k * (
-            1.0 - decay(time_s / self.unit.drift_time_s)
-        )
+        warmed = 1.0 - decay_of(time_s / self.unit.drift_time_s)
+        return self._config.ambient_temp_c + self.unit.temperature_rise_k * warmed
 
     @property
     def ambient_temp_c(self) -> float:

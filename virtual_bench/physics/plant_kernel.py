@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 from numba import carray, cfunc, njit, types  # type: ignore[attr-defined]
+from numba.extending import register_jitable
 
 from virtual_bench.physics import decay
 from virtual_bench.physics.plant_numbers import (
@@ -42,24 +43,8 @@ DT = STEP_NS * 1e-9
 COLUMNS = len(CH)
 OFF = int(DriveLoop.OFF)
 VELOCITY = int(DriveLoop.VELOCITY)
-series: Callable[[float], float] = njit(decay.series)
-LARGEST, PARTS, PARTS_IN_ONE, PART_HIGH, PART_LOW = (
-    decay.LARGEST, decay.PARTS, decay.PARTS_IN_ONE, decay.PART_HIGH, decay.PART_LOW,
-)  # fmt: skip
-HALVES, ROOTS = decay.HALVES, decay.ROOTS
-
-
-@njit(error_model="numpy")
-def decay_of(y: float) -> float:
-    """Return exp(−y) for y of 0 or more, as `decay.decay`; what is no number stays none."""
-    at = y * PARTS_IN_ONE + 0.5
-    if at < 1.0:  # most of them: no part to take off
-        return series(y)
-    if not y < LARGEST:
-        return 0.0 if y >= LARGEST else y
-    parts = int(at)
-    scale: float = ROOTS[parts & (PARTS - 1)] * HALVES[parts // PARTS]
-    return series(y - parts * PART_HIGH - parts * PART_LOW) * scale
+register_jitable(decay.series)
+decay_of: Callable[[float], float] = njit(error_model="numpy")(decay.decay_of)
 
 
 @njit(error_model="numpy")

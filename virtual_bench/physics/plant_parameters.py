@@ -14,6 +14,9 @@ from virtual_bench.physics.units import Unit
 
 TABLE_HALF_ARCMIN = 30.0
 TABLE_STEP_ARCMIN = 0.0025
+AT_A_TIME = 2048
+"""Places of the table that are made together: with all that is between, what a processor has nearby."""
+
 LOCKED_DRAG_OUTPUT_NMS_RAD = 1.0
 LOCKED_FRICTION_OUTPUT_NM = 0.5  # bearings of the open lock
 LOCK_INERTIA_OUTPUT_KGM2 = 0.1
@@ -36,15 +39,20 @@ def _elastic_table(unit: Unit) -> FloatArray:
     """Make the table; kept for the next bench with this unit: its sixty passes are most of a bench's start."""
     cells = round(2 * TABLE_HALF_ARCMIN / TABLE_STEP_ARCMIN)
     grid = np.linspace(-TABLE_HALF_ARCMIN, TABLE_HALF_ARCMIN, cells + 1)
+    return np.concatenate([_torques_nm(unit, grid[at : at + AT_A_TIME]) for at in range(0, grid.size, AT_A_TIME)])
+
+
+def _torques_nm(unit: Unit, windup_arcmin: FloatArray) -> FloatArray:
+    """Return the torque of each wind-up."""
     stiffest = max(unit.stiffness_positive_nm_per_arcmin, unit.stiffness_negative_nm_per_arcmin)
-    low, high = np.full_like(grid, -stiffest * 40.0), np.full_like(grid, stiffest * 40.0)
+    low, high = np.full_like(windup_arcmin, -stiffest * 40.0), np.full_like(windup_arcmin, stiffest * 40.0)
     for _ in range(60):  # bisection: the curve has corners that Newton's method would jump over
         middle = (low + high) / 2.0
-        above = elastic_windup_arcmin(unit, middle) > grid
+        above = elastic_windup_arcmin(unit, middle) > windup_arcmin
         high = np.where(above, middle, high)
         low = np.where(above, low, middle)
-    table: FloatArray = (low + high) / 2.0
-    return table
+    torques: FloatArray = (low + high) / 2.0
+    return torques
 
 
 def parameters(unit: Unit, config: BenchConfig) -> FloatArray:

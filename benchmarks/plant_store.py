@@ -179,13 +179,19 @@ def _end_filling(connection: Connection) -> None:
                 index.create(connection)
 
 
+OWN_ROWS = "SELECT relname FROM pg_class WHERE relkind = 'r' AND relnamespace = 'public'::regnamespace ORDER BY relname"
+"""Tables with rows of their own: PostgreSQL cleans up each month, and never the whole of which it is a part."""
+
+
 def _clean_up(database: Database) -> None:
-    """Do at once what a server does by itself some minutes after many rows came."""
+    """Do at once what the database does by itself some minutes after many rows came, and the station's server then."""
     if database.place.url.startswith("postgresql"):
         engine = create_engine(database.place.url, isolation_level="AUTOCOMMIT")
         with engine.connect() as connection:
-            connection.execute(text("VACUUM ANALYZE"))
+            for table in connection.execute(text(OWN_ROWS)).scalars().all():
+                connection.execute(text(f'VACUUM ANALYZE "{table}"'))
         engine.dispose()
+        database.learn_sizes()
 
 
 class Server:

@@ -12,8 +12,8 @@ from sqlalchemy.exc import SQLAlchemyError
 from station.errors import StationError
 from station.store.engines import BUSY_S, ENGINES
 from station.store.places import StorePlace
-from station.store.plant.months import make_rest
-from station.store.plant.sizes import tell_sizes
+from station.store.plant.months import DIVIDED, make_rest
+from station.store.plant.sizes import grown, learn_sizes, tell_sizes
 from station.store.tables import METADATA, RUNS
 
 ACTION = "Check that the database is running and that this user may write to it"
@@ -78,6 +78,11 @@ class Database:
                     connection.execute(text(f"SET LOCAL lock_timeout = {int(BUSY_S * 1000)}"))
                     connection.execute(text(f"SELECT pg_advisory_xact_lock({ONE_AT_A_TIME})"))
                 yield connection
+
+    def learn_sizes(self, *, anew: bool = False) -> None:
+        """Have the database learn how big its tables are: those that have grown, or all; StoreError where it fails."""
+        with self.reading() as connection:
+            learn_sizes(connection, DIVIDED if anew else grown(connection))
 
     def close(self) -> None:
         """Close it, once; connections that are kept stay open."""

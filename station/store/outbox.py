@@ -136,6 +136,7 @@ def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
     with database.writing() as connection:
         remove_chain(connection, chain.id)
     catch_up(database, chain, told=told)
+    database.learn_sizes(anew=True)
 
 
 def stored_walk(connection: Connection, chain: Chain) -> Walk:

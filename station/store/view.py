@@ -310,3 +310,15 @@ def bring_up(data: Path, most_s: float) -> int:
         return catch_up(database, Chain(data), most_s=most_s)
     finally:
         database.close()
+
+
+def keep_up(data: Path, most_s: float) -> int:
+    """As `bring_up`, where nobody waits: a store that is up learns how big it is, which takes seconds now and then."""
+    left = bring_up(data, most_s)
+    if not left:
+        database = opened(data)
+        try:
+            database.learn_sizes()
+        finally:
+            database.close()
+    return left

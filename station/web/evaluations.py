@@ -30,7 +30,7 @@ from station.records.samples.scan_record import RECORD_BYTES
 from station.reevaluation.processes import begin, end_with_parent, forks
 from station.reports.stored_result import refuse_doubtful
 from station.store.rows.projection import seen, seen_files
-from station.store.view import bring_up
+from station.store.view import keep_up
 
 if TYPE_CHECKING:
     from station.reports.loop_curves import LoopCurves
@@ -96,7 +96,7 @@ class Evaluations:
             # Who looks for runs is told what is wrong; here it is tried again.
             with suppress(StationError, OSError, RuntimeError, CancelledError):
                 try:
-                    behind: Future[int] = self._submit(bring_up, data, KEEP_UP_S)
+                    behind: Future[int] = self._submit(keep_up, data, KEEP_UP_S)
                     left = behind.result()
                 except BrokenProcessPool:
                     self._end()

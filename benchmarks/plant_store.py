@@ -68,13 +68,15 @@ MULTIPLIED = (
 
 RUNS_BY_HOUR = """INSERT INTO run_hours SELECT chain, hour, bench, recipe, revision, model, coalesce(operator, ''),
     coalesce(key, ''), fixture, state, coalesce(verdict, ''), master, virtual, in_production, valid, attempt = 1,
-    count(*) FROM runs GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16 ON CONFLICT DO NOTHING"""
+    count(*) FROM runs WHERE chain = :chain GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
+    ON CONFLICT DO NOTHING"""
 METRICS_BY_HOUR = """INSERT INTO metric_hours SELECT r.chain, meaning, side, hour, bench, recipe, revision, model,
     coalesce(operator, ''), coalesce(key, ''), fixture, virtual,
     count(*) FILTER (WHERE valid), coalesce(avg(value) FILTER (WHERE valid), 0),
     coalesce(var_pop(value) FILTER (WHERE valid), 0) * count(*) FILTER (WHERE valid),
     count(*) FILTER (WHERE r.verdict = 'FAIL' AND m.verdict = 'FAIL')
-    FROM runs r JOIN metrics m ON m.chain = r.chain AND m.run = r.run WHERE in_production AND attempt = 1
+    FROM runs r JOIN metrics m ON m.chain = r.chain AND m.run = r.run
+    WHERE r.chain = :chain AND in_production AND attempt = 1
     GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 ON CONFLICT DO NOTHING"""
 
 WORDS = {
@@ -130,7 +132,7 @@ def make_store(data: Path, count: int) -> None:
             asked = text(statement.format(**WORDS[connection.dialect.name]))
             connection.execute(asked, {name: value for name, value in given.items() if f":{name}" in statement})
         _end_filling(connection)
-        _count_hours(connection)
+        _count_hours(connection, chain.id)
         if not many:
             lines = chain.content.splitlines(keepends=True)
             content = lines[0] + (lines[1] + lines[2]) * (count - measured) + b"".join(lines[1:])
@@ -154,13 +156,13 @@ def _put(connection: Connection, rows: list[dict[str, Any]]) -> None:
             copy.write_row([row[name] for name in names])
 
 
-def _count_hours(connection: Connection) -> None:
+def _count_hours(connection: Connection, chain: str) -> None:
     """Count the hours; on PostgreSQL by the database: of millions of values nobody needs the last bit here."""
     if connection.dialect.name == "sqlite":
         count_all_hours(connection)
         return
-    connection.execute(text(RUNS_BY_HOUR))
-    connection.execute(text(METRICS_BY_HOUR))
+    for statement in (RUNS_BY_HOUR, METRICS_BY_HOUR):
+        connection.execute(text(statement), {"chain": chain})
 
 
 def _begin_filling(connection: Connection) -> None:

@@ -20,7 +20,9 @@ def checked_row(values: Sequence[float] | FloatArray, what: str, least: int) -> 
     except (TypeError, ValueError, OverflowError) as error:
         raise AnalysisError(f"{what}: {error}; expected numbers") from error
     if row.ndim != 1 or row.size < least:
-        raise AnalysisError(f"{what}: found {row.size} values; expected {least} or more in one row")
+        raise AnalysisError(
+            f"{what}: found {row.size} value{'s' * (row.size != 1)}; expected {least} or more in one row"
+        )
     bad = ~(np.abs(row) <= LARGEST)
     if bad.any():
         place = int(np.argmax(bad)) + 1

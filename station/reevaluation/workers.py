@@ -6,15 +6,16 @@ is left out, and says so.
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import signal
 from collections import Counter, deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from multiprocessing.connection import Connection, wait
 from typing import Any
 
 from station.reevaluation.evaluate_one import Job, Outcome, evaluate_one
-from station.reevaluation.processes import begin, forks
 from station.reevaluation.question import Question
 
 MOST_DEATHS = 3
@@ -63,9 +64,10 @@ class _Worker:
     """A process that evaluates, and the job that it has."""
 
     def __init__(self, question: Question) -> None:
-        context = forks()
+        context = multiprocessing.get_context("forkserver")
+        context.set_forkserver_preload(["station.reevaluation.forked"])
         self.connection, theirs = context.Pipe()
-        self._process: Any = context.Process(target=_serve, args=(theirs, dict(os.environ), question), daemon=True)
+        self._process: Any = context.Process(target=_serve, args=(theirs, question), daemon=True)
         self._process.start()
         theirs.close()  # so that the end of the process is the end of the line
         self.job: Job | None = None
@@ -93,9 +95,10 @@ class _Worker:
         self._process.join()
 
 
-def _serve(connection: Connection, environment: Mapping[str, str], question: Question) -> None:
-    """Evaluate what comes until nothing does."""
-    begin(environment, NICE)
+def _serve(connection: Connection, question: Question) -> None:
+    """Evaluate what comes until nothing does; Ctrl-C is for the process that asks."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    os.nice(NICE)
     with suppress(EOFError, OSError):
         while True:
             connection.send(evaluate_one(connection.recv(), question))

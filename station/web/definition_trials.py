@@ -9,9 +9,10 @@ it; the ledger keeps what was evaluated, and the same trial goes on from there.
 from __future__ import annotations
 
 import os
+import signal
 import time
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from pathlib import Path
 from threading import Lock, Thread
@@ -21,13 +22,13 @@ from analysis.trace.errors import AnalysisError
 from recipes import RecipeError
 from station.errors import StationError
 from station.quality.limits_trial import Trial, Tried
-from station.reevaluation.processes import begin, end_with_parent, forks
 from station.store.quality.lot import Lot
 
 WORKERS = 1
 """Processes that evaluate: a bench may measure on the same computer."""
 
 MOST_FLIPS = 50
+LOOK_FOR_SERVER_S = 1.0
 ENDED = "The process that evaluates ended. Press Try again: it goes on where it ended."
 
 
@@ -80,9 +81,10 @@ class DefinitionTrials:
                     f"'{now.tried.definition}' is on trial: {now.done} of {now.of} runs evaluated. Wait until it ends, "
                     "or stop it"
                 )
-            context = forks()
+            # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
+            context = get_context("spawn")
             ours, theirs = context.Pipe(duplex=False)
-            process = context.Process(target=_evaluate, args=(theirs, dict(os.environ), data, lot, tried))
+            process = context.Process(target=_evaluate, args=(theirs, os.getpid(), data, lot, tried))
             try:
                 process.start()
             except OSError as error:
@@ -128,10 +130,16 @@ class DefinitionTrials:
             self._state = replace(now, **told)
 
 
-def _evaluate(connection: Connection, environment: Mapping[str, str], data: Path, lot: Lot, tried: Tried) -> None:
+def _evaluate(connection: Connection, server: int, data: Path, lot: Lot, tried: Tried) -> None:
     """Evaluate a lot and tell what becomes of it; end with the server, also where that was killed."""
-    begin(environment, 0)
-    end_with_parent()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server
+
+    def watch() -> None:
+        while os.getppid() == server:
+            time.sleep(LOOK_FOR_SERVER_S)
+        os._exit(0)
+
+    Thread(target=watch, daemon=True).start()
     from station.reevaluation.definition_trial import definition_trial
 
     try:

@@ -11,11 +11,13 @@ from __future__ import annotations
 
 import os
 import tempfile
+import time
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from concurrent.futures import CancelledError, Future, ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
+from multiprocessing import get_context
 from pathlib import Path
 from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeVar
@@ -27,7 +29,6 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.records.samples.layout import CURRENT
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES
-from station.reevaluation.processes import begin, end_with_parent, forks
 from station.reports.stored_result import refuse_doubtful
 from station.store.rows.projection import seen, seen_files
 from station.store.view import keep_up
@@ -47,6 +48,8 @@ KEEP_UP_EVERY_S = 5.0
 
 MOST_KEPT = 32
 """Reports and loops that are kept while the files of their runs are as they were."""
+
+LOOK_FOR_SERVER_S = 1.0
 
 Made = TypeVar("Made")
 
@@ -148,13 +151,24 @@ class Evaluations:
             if self._over.is_set():
                 raise StationError("The server is shutting down. Try again when it runs again.")
             if self._pool is None:
-                self._pool = ProcessPoolExecutor(1, forks(__name__), _begin, (dict(os.environ),))
+                # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
+                self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),))
             return self._pool.submit(call, *asked)
 
 
-def _begin(environment: Mapping[str, str]) -> None:
-    begin(environment, GIVES_WAY_BY)
-    end_with_parent()
+def _begin(server: int) -> None:
+    """Give way to everybody, and end with the server, also where that was killed."""
+    os.nice(GIVES_WAY_BY)
+
+    def watch() -> None:
+        while os.getppid() == server:
+            time.sleep(LOOK_FOR_SERVER_S)
+        os._exit(0)
+
+    Thread(target=watch, daemon=True).start()
+    from station.run.conclusion import load_ahead
+
+    load_ahead()  # now, and not when the first person waits for a loop
 
 
 def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:

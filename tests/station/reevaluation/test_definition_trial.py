@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 from math import isnan
-from multiprocessing.context import ForkServerProcess
+from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any
 
@@ -253,7 +253,7 @@ def test_a_process_that_cannot_be_started_is_said_and_keeps_no_other_trial_waiti
     def no_memory(_process: object) -> None:
         raise OSError(errno.ENOMEM, os.strerror(errno.ENOMEM))
 
-    monkeypatch.setattr(ForkServerProcess, "start", no_memory)
+    monkeypatch.setattr(SpawnProcess, "start", no_memory)
     for _ in range(2):
         with pytest.raises(StationError, match="The trial cannot be started: Cannot allocate memory"):
             trials.start(tmp_path, LOT, TRIED["another metric"])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import multiprocessing
 import os
 import shutil
 import signal
@@ -170,7 +169,16 @@ def question_for(tmp_path: Path) -> Question:
 @pytest.fixture
 def forked(monkeypatch: pytest.MonkeyPatch) -> None:
     """Processes that are forks of this one, so that they evaluate as the test does."""
-    monkeypatch.setattr(workers, "forks", lambda: multiprocessing.get_context("fork"))
+    real = workers.multiprocessing.get_context
+
+    class Forking:
+        def __init__(self) -> None:
+            self._context = real("fork")
+            self.Pipe, self.Process = self._context.Pipe, self._context.Process
+
+        def set_forkserver_preload(self, _: list[str]) -> None: ...
+
+    monkeypatch.setattr(workers.multiprocessing, "get_context", lambda _: Forking())
     monkeypatch.setattr(workers, "evaluate_one", dying)
 
 

@@ -56,8 +56,12 @@ gc.disable()  # until all tests are loaded: what comes stays, and to search it a
 def pytest_collection_finish() -> None:
     """Leave what is loaded out of every later collection of garbage, here and in the processes that tests fork."""
     gc.freeze()
-    gc.enable()
     gc.set_threshold(50_000, 20, 20)  # a fortieth of the processor's time, otherwise
+
+
+def pytest_runtestloop() -> None:
+    """Search for garbage again, here and in the process that hands the tests out."""
+    gc.enable()
 
 
 def pytest_sessionfinish() -> None:

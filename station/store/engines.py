@@ -9,11 +9,12 @@ from __future__ import annotations
 
 import os
 from collections import OrderedDict
-from threading import Lock
+from threading import RLock
 from typing import Any
 
 from sqlalchemy import Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
+from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.pool import StaticPool
 
 IN_MEMORY = "sqlite://"
@@ -27,8 +28,8 @@ and forty benches may share it."""
 KEPT_S = 900
 """How old a kept connection may become: what it remembers of all partitions takes memory of the server."""
 
-FILE_KEPT_S = 1
-"""How old an open file becomes where looks overlap without end: another may have been put in its place."""
+SEEN = "device and inode"
+"""What a connection keeps of its file."""
 
 MOST_ENGINES = 4
 """Engines that are kept while nobody uses them: what each has compiled takes some megabytes."""
@@ -40,8 +41,10 @@ class Engines:
     def __init__(self) -> None:
         self._engines = OrderedDict[str, Engine]()
         self._users: dict[Engine, int] = {}
-        self._keeps_connections, self._lock = False, Lock()
+        self._keeps_connections = False
         self._of_parent: list[object] = []
+        # Python's collector may end a look that nobody ended, at any place of the same thread.
+        self._lock = RLock()
 
     def keep_connections(self) -> None:
         """Keep those to a database server, here on."""
@@ -50,15 +53,18 @@ class Engines:
     def take(self, url: str) -> Engine:
         """Return the engine of a database, which is given back by `let_go`; one in memory is always new."""
         with self._lock:
-            engine = (None if url == IN_MEMORY else self._engines.get(url)) or new_engine(url)
+            engine = self._engines.get(url)
+        made = engine or new_engine(url)
+        with self._lock:
+            engine = made if url == IN_MEMORY else self._engines.setdefault(url, made)
             self._users[engine] = self._users.get(engine, 0) + 1
             if url != IN_MEMORY:
-                self._engines[url] = engine
                 self._engines.move_to_end(url)
             return engine
 
     def let_go(self, engine: Engine) -> None:
         """Give an engine back; when nobody uses it any more its connections are closed, or kept."""
+        over = []
         with self._lock:
             if engine not in self._users:
                 return  # of a parent
@@ -67,15 +73,16 @@ class Engines:
                 return
             del self._users[engine]
             if not self._keeps_connections or engine.dialect.name == "sqlite":
-                engine.dispose()
+                over.append(engine)
             idle = [url for url, one in self._engines.items() if one not in self._users]
-            for url in idle[: max(0, len(self._engines) - MOST_ENGINES)]:
-                self._engines.pop(url).dispose()
+            over += [self._engines.pop(url) for url in idle[: max(0, len(self._engines) - MOST_ENGINES)]]
+        for one in over:  # the last connection to a file may have much to write; others need not wait for that
+            one.dispose()
 
     def begin_in_child(self) -> None:
         """Use none of the parent's connections in a process that was forked off, and close none of them either."""
         self._of_parent += [*self._engines.values(), *self._users]
-        self._engines, self._users, self._lock = OrderedDict(), {}, Lock()
+        self._engines, self._users, self._lock = OrderedDict(), {}, RLock()
 
 
 ENGINES = Engines()
@@ -98,8 +105,8 @@ def new_engine(url: str) -> Engine:
         engine = create_engine(place, poolclass=StaticPool, connect_args={"check_same_thread": False})
     elif url.startswith("sqlite"):
         # As many as there are looks at a time: they are given back soon, and waiting for one could take half a minute.
-        connect = {"timeout": BUSY_S}
-        engine = create_engine(place, connect_args=connect, pool_recycle=FILE_KEPT_S, max_overflow=-1)
+        engine = create_engine(place, connect_args={"timeout": BUSY_S}, max_overflow=-1)
+        _hold_to_file(engine, str(place.database))
     else:
         engine = create_engine(
             place,
@@ -127,3 +134,26 @@ def _set_up_sqlite(connection: Any, _record: object) -> None:
 def _begin_sqlite(connection: Connection) -> None:
     writes = connection.get_execution_options().get("writes")
     connection.exec_driver_sql("BEGIN IMMEDIATE" if writes else "BEGIN")
+
+
+def _hold_to_file(engine: Engine, path: str) -> None:
+    """Have a look open the file anew where another one has come in its place while looks overlapped."""
+
+    def seen() -> tuple[int, int] | None:
+        try:
+            there = os.stat(path)  # noqa: PTH116 - at every look
+        except OSError:
+            return None
+        return there.st_dev, there.st_ino
+
+    def connect(_connection: object, record: Any) -> None:
+        record.info[SEEN] = seen()
+
+    def check_out(_connection: object, record: Any, _proxy: object) -> None:
+        if record.info[SEEN] is None:
+            record.info[SEEN] = seen()  # it was made by what came first over this connection
+        elif record.info[SEEN] != seen():
+            raise DisconnectionError
+
+    event.listen(engine, "connect", connect)
+    event.listen(engine, "checkout", check_out)

@@ -94,14 +94,17 @@ def network_type(path: Path, mounts: Path = MOUNTS) -> str:
 
 def _checked(url: str) -> str:
     if url.startswith(SQLITE):
-        file = Path(url.removeprefix(SQLITE))
+        name = url.removeprefix(SQLITE)
+        if name in {"", ":memory:"}:
+            raise StationError(f"--store {url}: names no file. Write {SQLITE}FILE, or leave the option out")
+        file = Path(name).absolute()
         kind = network_type(file.parent)
         if kind:
             raise StationError(
                 f"--store {url}: this file is on a network drive ({kind}), where SQLite cannot lock it safely. Name a "
                 "file on a local disk, or a PostgreSQL database: postgresql://USER@HOST/NAME"
             )
-        return url
+        return f"{SQLITE}{file}"
     scheme, found, rest = url.partition("://")
     if not found or scheme not in (POSTGRESQL, f"{POSTGRESQL}+psycopg"):
         raise StationError(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import sqlite3
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
 from pathlib import Path
+from threading import Thread
 
 import pytest
 from sqlalchemy import text
@@ -13,7 +15,7 @@ from sqlalchemy import text
 from station.store import engine
 from station.store.engine import Database, StoreError
 from station.store.engines import ENGINES, IN_MEMORY, MOST_ENGINES, Engines, new_engine
-from station.store.places import STORE_URL, StorePlace, store_place
+from station.store.places import FILE, STORE_URL, StorePlace, store_place
 
 
 @pytest.fixture(autouse=True)
@@ -116,6 +118,35 @@ def test_a_file_that_was_put_in_the_place_of_another_is_what_the_next_look_sees(
         file.unlink()
     with closing(Database(beside)) as database, database.reading() as connection:
         assert not connection.execute(text("SELECT 1 FROM sqlite_master WHERE name = 'seen'")).all()
+
+
+def test_a_file_in_the_place_of_another_is_seen_also_while_looks_overlap(tmp_path: Path, beside: StorePlace) -> None:
+    with closing(Database(beside)) as longer, longer.reading() as old:
+        assert old.execute(text("SELECT count(*) FROM runs")).scalar() == 0
+        with closing(Database(beside)) as database, database.writing() as connection:
+            connection.execute(text("CREATE TABLE seen (id int)"))
+        for file in tmp_path.iterdir():
+            file.unlink()
+        with closing(Database(beside)) as database, database.writing() as connection:
+            assert not connection.execute(text("SELECT 1 FROM sqlite_master WHERE name = 'seen'")).all()
+            connection.execute(text("CREATE TABLE new (id int)"))
+    with sqlite3.connect(tmp_path / FILE) as there:
+        assert there.execute("SELECT 1 FROM sqlite_master WHERE name = 'new'").fetchall() == [(1,)]
+
+
+def test_a_look_that_pythons_collector_ends_does_not_wait_for_its_own_thread(
+    beside: StorePlace, engines: Engines
+) -> None:
+    database = Database(beside)
+
+    def close_within() -> None:
+        with engines._lock:  # where the collector may run
+            database.close()
+
+    thread = Thread(target=close_within, daemon=True)
+    thread.start()
+    thread.join(60.0)
+    assert not thread.is_alive()
 
 
 def test_a_look_that_ends_leaves_those_of_other_threads_alone(beside: StorePlace) -> None:

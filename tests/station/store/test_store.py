@@ -440,6 +440,19 @@ def test_a_network_mount_is_known_by_its_type(tmp_path: Path, path: str, kind: s
     assert network_type(Path(path), mounts) == kind
 
 
+@pytest.mark.parametrize("named", ["sqlite:///", "sqlite:///:memory:"])
+def test_a_store_that_names_no_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str) -> None:
+    monkeypatch.setenv(STORE_URL, named)
+    with pytest.raises(StationError, match="names no file"):
+        store_place(tmp_path)
+
+
+def test_a_store_that_is_named_from_here_stays_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv(STORE_URL, "sqlite:///own.sqlite3")
+    assert store_place(tmp_path).url == f"sqlite:///{tmp_path}/own.sqlite3"
+
+
 def test_no_sqlite_file_lies_on_a_network_mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     mounts = tmp_path / "mounts"
     mounts.write_text(f"30 22 0:40 / {tmp_path.resolve()} rw - nfs4 server:/x rw\n")

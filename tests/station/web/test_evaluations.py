@@ -48,5 +48,5 @@ def test_the_process_gives_way_keeps_the_store_up_and_comes_again(quick_run: Any
     finally:
         beside.close()
         database.close()
-    with pytest.raises(StationError, match="ending"):
+    with pytest.raises(StationError, match="shutting down"):
         beside.loop_csv(run)

@@ -36,6 +36,7 @@ from station.cli.web.accounts_commands import recipes_app, users_app
 from station.cli.web.bypass_commands import bypass_app
 from station.cli.web.labels_commands import labels_app
 from station.errors import BenchFaultError
+from station.own_program import keep_out_of_working_folder
 from station.plain_text import never_crash
 
 if TYPE_CHECKING:
@@ -215,6 +216,7 @@ def main(ahead: Mapping[str, Ahead] | None = None) -> None:
     ahead: processes that were started before a run and wait for it, by their modules.
     """
     never_crash()
+    keep_out_of_working_folder()
     try:
         ended = command_line(*sys.argv[1:2])(standalone_mode=False, obj=ahead)
         sys.stdout.flush()  # a reader that is gone is told here, not when the interpreter ends with a code of its own

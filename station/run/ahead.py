@@ -20,6 +20,8 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
+from station.own_program import own_module
+
 LONGEST_ORDER = 1 << 17
 MOST_HANDLES = 8
 PROGRAM_FAILED = 70
@@ -36,7 +38,7 @@ class Ahead:
         own_session: what is typed at the terminal is not for it. Else Ctrl-C is, from when it has its order.
         """
         self._orders, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        command = [sys.executable, "-m", "station.run.ahead", str(theirs.fileno()), module, *words]
+        command = own_module("station.run.ahead", str(theirs.fileno()), module, *words)
         with theirs:
             self.process: subprocess.Popen[bytes] = subprocess.Popen(  # noqa: S603 - our own program
                 command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, pass_fds=(theirs.fileno(),),

@@ -7,7 +7,6 @@ import os
 import selectors
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,6 +14,7 @@ from typing import Any
 
 from station.bench.bench_spec import Ports
 from station.errors import BenchFaultError
+from station.own_program import own_module
 from station.run.ahead import Ahead
 from station.scan.scan_spec import SpecFile
 
@@ -61,7 +61,7 @@ def nothing() -> None:
 def run_module(module: str, *words: str | Path, **options: Any) -> subprocess.Popen[bytes]:
     """Start a module of this program as a process of its own, with what it reads on its command line."""
     # A session of its own: Ctrl-C in the terminal is for the supervisor, which unloads the torque first.
-    command = [sys.executable, "-m", module, *map(str, words)]
+    command = own_module(module, *words)
     return subprocess.Popen(command, start_new_session=True, env=os.environ | ONE_THREAD, **options)  # noqa: S603
 
 

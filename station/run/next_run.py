@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import math
 import subprocess
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from station.errors import StationError
+from station.own_program import own_module
 from station.run.ahead import Ahead
 
 SUPERVISOR = "station.cli.measure.standby"
@@ -60,7 +60,7 @@ class NextRun:
                 process = None if ahead is None else ahead.begin(words, stdin=stdin, stdout=stdout, stderr=stderr)
                 if process is not None:
                     return process
-                command = [sys.executable, "-m", "station", *words]
+                command = own_module("station", *words)
                 return subprocess.Popen(  # noqa: S603 - our own program
                     command, stdin=stdin, stdout=stdout, stderr=stderr, start_new_session=self._own_session
                 )

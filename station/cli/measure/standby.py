@@ -21,6 +21,7 @@ from station.documents.reading import adapter
 from station.documents.result import Result
 from station.documents.timing import Timing
 from station.errors import StationError
+from station.own_program import own_module
 from station.run.ahead import Ahead
 from station.run.children import SCAN, VIRTUAL_BENCH, start_ahead
 from station.run.conclusion import load_ahead
@@ -58,7 +59,7 @@ def prepare(recipe: str = "", bench: str = "") -> Callable[[], int]:
         finally:
             for one in ahead.values():
                 one.end()
-        os.execv(sys.executable, [sys.executable, "-m", "station", *sys.argv[1:]])  # noqa: S606 - our own program
+        os.execv(sys.executable, own_module("station", *sys.argv[1:]))  # noqa: S606 - our own program
 
     return run
 

@@ -19,6 +19,7 @@ from station.counted import counted
 from station.documents.entries import plain
 from station.documents.validation import INSTALLATION, MET, NOT_MET, OPEN, Evidence
 from station.errors import StationError
+from station.own_program import own_module
 from station.quality.validation.installation import installation, some
 from station.quality.validation.operation import SELF_TEST, SELF_TEST_RECIPE, SelfTest, operation
 from station.quality.validation.pack import (
@@ -176,5 +177,5 @@ def _self_test() -> Iterator[SelfTest]:
 def _own_command(*words: str) -> int:
     """Return the exit code of a command of this program."""
     return subprocess.run(  # noqa: S603 - this program itself
-        [sys.executable, "-m", "station", *words], capture_output=True, timeout=LONGEST_S, check=False
+        own_module("station", *words), capture_output=True, timeout=LONGEST_S, check=False
     ).returncode

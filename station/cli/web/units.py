@@ -14,6 +14,7 @@ from pathlib import Path
 from station.atomic_file import write_atomic
 from station.errors import RecordError, StationError
 from station.own_place import own_place
+from station.own_program import own_module
 
 SERVER, KIOSK, OPCUA = "lostmotion.service", "lostmotion-kiosk.service", "lostmotion-opcua.service"
 
@@ -155,7 +156,7 @@ def _named(data: Path) -> dict[str, str]:
 
 
 def _command(*words: str) -> str:
-    return " ".join(_quoted(word) for word in (sys.executable, "-m", "station", *words))
+    return " ".join(_quoted(word) for word in own_module("station", *words))
 
 
 def _write(folder: Path, units: dict[str, str]) -> None:

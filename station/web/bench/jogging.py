@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -20,6 +19,7 @@ from threading import RLock, Thread
 from definitions.jog import TOKEN_EVERY_S
 from definitions.program import Program
 from station.errors import StationError
+from station.own_program import own_module
 from station.records.run_record import RunRecord
 from station.run.jog.jogs import FOLDER, program_of
 from station.run.jog.keys import END, LET_GO, PRESS
@@ -74,7 +74,7 @@ class Jogging:
 
     def start(self, words: list[str], owner: str, name: str) -> None:
         """Start the process; owner: the token of the session whose page may hold the key. StationError: it cannot."""
-        command = [sys.executable, "-m", "station", "jog", *words, "--by-lines"]
+        command = own_module("station", "jog", *words, "--by-lines")
         command += ["--operator", name, "--data", str(self._data)]
         with self._one_at_a_time:
             try:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,6 +20,7 @@ from station.documents.events import LeftState
 from station.documents.manifest import RECORDING, Manifest
 from station.documents.result import Result
 from station.errors import StationError
+from station.own_program import own_module
 from station.records.data_folder import Store
 from station.records.run_record import BENCH_COPY, RESULT, RunRecord, only_simulated
 from station.run.way_back.begins_at import recovery_begins_at
@@ -90,7 +90,7 @@ class WayBack:
             StationError: it cannot be started.
 
         """
-        command = [sys.executable, "-m", "station", "recover", "--by-signal", "--operator", operator]
+        command = own_module("station", "recover", "--by-signal", "--operator", operator)
         command += ["--data", str(self._data)]
         if any(one.id != run for one in Store(self._data).newest(1)):  # another bench has run since
             command += ["--bench", str(self._data / run / BENCH_COPY)]

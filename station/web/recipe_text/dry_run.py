@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import subprocess
-import sys
 import tempfile
 import time
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from threading import Lock, Thread
 from station.documents.result import Result
 from station.errors import StationError
 from station.own_place import PLACE
+from station.own_program import own_module
 from station.records.data_folder import Store
 from station.records.revisions.revision import hash_of
 from station.records.run_record import RESULT
@@ -93,7 +93,7 @@ class DryRuns:
         recipe, data, output = folder / "recipe.yaml", folder / "runs", folder / "output"
         recipe.write_bytes(content)
         command = [
-            "nice", "-n", NICE, sys.executable, "-m", "station", "run", str(recipe), "--virtual-time", "--no-report",
+            "nice", "-n", NICE, *own_module("station", "run", recipe), "--virtual-time", "--no-report",
             "--serial", SERIAL, "--unit", UNIT, "--data", str(data), *(["--bench", bench] if bench else []),
         ]  # fmt: skip
         with output.open("wb") as said:

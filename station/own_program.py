@@ -1,0 +1,24 @@
+"""How further processes of this program are started: by the same interpreter, with modules from where it is installed.
+
+`python -m` looks for modules in the working folder first. A queue.py there would end a run before it begins, and a
+numpy.py would evaluate it.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+FROM_WORKING_FOLDER = "PYTHONSAFEPATH"
+"""Where this is set, Python takes no module from the working folder."""
+
+
+def own_module(module: str, *words: str | Path) -> list[str]:
+    """Return the command that runs a module of this program."""
+    return [sys.executable, "-P", "-m", module, *map(str, words)]
+
+
+def keep_out_of_working_folder() -> None:
+    """Have processes that Python's own library starts for this one keep out of it too."""
+    os.environ[FROM_WORKING_FOLDER] = "1"

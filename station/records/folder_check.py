@@ -60,9 +60,15 @@ def folder_problems(
 
 def name_problems(names: Iterable[str]) -> list[Problem]:
     """Return the folders of runs, among these, whose names are no text, so that no chain can name them."""
-    shown = [os.fsencode(name).decode("utf-8", "backslashreplace") for name in names if not is_text(name)]
-    text = "the name of this folder is not UTF-8, so this run is not in the chain"
+    shown = [_in_signs(name) for name in names if not is_text(name)]
+    text = "the name of this folder is no readable text, so this run is not in the chain"
     return [Problem("not_in_chain", name, f"{name}: {text}") for name in shown]
+
+
+def _in_signs(name: str) -> str:
+    """Return a name with what no terminal shows as it is written in signs."""
+    text = os.fsencode(name).decode("utf-8", "backslashreplace")
+    return "".join(sign if sign.isprintable() else sign.encode("unicode_escape").decode() for sign in text)
 
 
 def runs_before(chain: Chain) -> tuple[set[str], list[Problem]]:

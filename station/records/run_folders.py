@@ -21,12 +21,11 @@ def moment_of(name: str) -> datetime | None:
 
 
 def is_text(name: str) -> bool:
-    """Whether the name of a folder is text, which a line can hold: on the disk it may be any bytes."""
-    try:
-        name.encode()
-    except UnicodeEncodeError:
-        return False
-    return True
+    """Whether the name of a folder is text, which a line can hold and a terminal shows as it is.
+
+    On the disk it may be any bytes: some would end the line, turn its direction, or write over what stands above.
+    """
+    return name.isprintable()  # bytes that are no UTF-8 are halves of characters, which are not
 
 
 def is_run(folder: Path) -> bool:

@@ -12,7 +12,7 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -305,20 +305,14 @@ def bring_up(data: Path, most_s: float) -> int:
         StoreError: the store cannot be used.
 
     """
-    database = opened(data)
-    try:
+    with closing(opened(data)) as database:
         return catch_up(database, Chain(data), most_s=most_s)
-    finally:
-        database.close()
 
 
 def keep_up(data: Path, most_s: float) -> int:
     """As `bring_up`, where nobody waits: a store that is up learns how big it is, which takes seconds now and then."""
-    left = bring_up(data, most_s)
-    if not left:
-        database = opened(data)
-        try:
+    with closing(opened(data)) as database:
+        left = catch_up(database, Chain(data), most_s=most_s)
+        if not left:
             database.learn_sizes()
-        finally:
-            database.close()
-    return left
+        return left

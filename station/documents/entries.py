@@ -12,6 +12,7 @@ from functools import cache
 from typing import Annotated, Any
 
 from definitions.number_formats import LARGEST_COUNT
+from station.documents.signs import in_signs
 
 LEFT_OUT = "left out"
 ALONGSIDE = "alongside"
@@ -66,7 +67,7 @@ def alongside() -> Any:
 
 
 def plain(document: object) -> Any:
-    """Return a document, or what stands in one, as the plain data that JSON is made of."""
+    """Return a document, or what stands in one, as the plain data that JSON is made of; texts are in signs."""
     if is_dataclass(document) and not isinstance(document, type):
         written: Plain = {}
         for name, optional, among in _written(type(document)):
@@ -82,7 +83,7 @@ def plain(document: object) -> Any:
         return {key: plain(value) for key, value in document.items()}
     if isinstance(document, list | tuple):
         return [plain(value) for value in document]
-    return document
+    return in_signs(document) if isinstance(document, str) else document
 
 
 @cache

@@ -2,7 +2,7 @@
 
 A reader gets a document in which every entry is of its kind, or a RecordError that names the file, the entry, what was
 found and what is allowed. What an older version did not write has the default of its class. An entry that no class
-knows is passed over.
+knows is passed over. What a terminal would obey stands in the texts in signs.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from pydantic.fields import FieldInfo
 
 from station.atomic_file import open_file, refused
 from station.documents.entries import Mark
+from station.documents.signs import all_in_signs, in_signs, may_hold_obeyed
 from station.errors import RecordError
 
 NEXT_STEP = "Restore the file from a backup, or move the run's folder out of the data folder"
@@ -60,10 +61,14 @@ def document_in(kind: type[Document], content: bytes, place: Path) -> Document:
         found = adapter(kind).validate_json(content, strict=True)
     except ValidationError as error:
         raise RecordError(f"{place}: is damaged: {'; '.join(_wrong(kind, error))}. {NEXT_STEP}") from error
-    if NUL in content and (entries := list(_with_nul(json.loads(content)))):
+    if not may_hold_obeyed(content):
+        return found
+    stored = json.loads(content)
+    if NUL in content and (entries := list(_with_nul(stored))):
         said = f"found {_shown(entries[0][1])}; allowed is a text without the character U+0000"
         raise RecordError(f"{place}: is damaged: {entries[0][0]}: {said}. {NEXT_STEP}")
-    return found
+    shown = all_in_signs(stored)
+    return found if shown == stored else document_in(kind, json.dumps(shown, ensure_ascii=False).encode(), place)
 
 
 def whole_lines(kind: type[Document], path: Path) -> Iterator[Document]:
@@ -181,5 +186,5 @@ def _words(kind: Any) -> str:
 
 
 def _shown(value: Any) -> str:
-    text = json.dumps(value, ensure_ascii=False, default=str)
+    text = in_signs(json.dumps(value, ensure_ascii=False, default=str))
     return text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}..."

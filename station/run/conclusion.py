@@ -252,6 +252,6 @@ def _store(record: RunRecord, result: Result) -> Result:
         stored = document_in(Result, read_from_disk(path), path)
     except RecordError as error:
         raise RecordError(f"{path}: cannot be read back: {error}. Check the disk") from error
-    if stored != result:
+    if plain(stored) != plain(result):
         raise RecordError(f"{path}: reads back differently from what was written. Check the disk")
     return stored

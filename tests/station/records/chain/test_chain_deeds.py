@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import json
+import operator
 import os
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
 from pathlib import Path
+from typing import Any
 
 import pytest
 from chain_folders import a_key, folder, lines, write
@@ -16,6 +20,9 @@ from run_copies import alone
 from stored_runs import metric, store_run
 
 from station.atomic_file import as_json
+from station.documents.manifest import Manifest
+from station.documents.reading import document_in
+from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import FIELDS, entry_of, signed_entry
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, own_key
@@ -243,6 +250,58 @@ def test_a_folder_whose_name_is_no_text_is_named_and_stops_no_command(data: Path
     assert [problem.kind for problem in problems] == ["not_in_chain"]
     run = store_run(data, "B", [metric(0.4)])
     assert row(run).verdict == "PASS"
+
+
+def texts_of(found: Any, place: tuple[str | int, ...] = ()) -> Iterator[tuple[str | int, ...]]:
+    """Yield the places of all texts in plain data."""
+    if isinstance(found, str):
+        yield place
+    parts = found.items() if isinstance(found, dict) else enumerate(found) if isinstance(found, list) else ()
+    for name, part in parts:
+        yield from texts_of(part, (*place, name))
+
+
+def forged_at(found: Any, places: Sequence[tuple[str | int, ...]], end: str) -> Any:
+    """Return a copy of plain data with an end behind the texts at these places."""
+    again = copy.deepcopy(found)
+    for place in places:
+        holder = reduce(operator.getitem, place[:-1], again)
+        holder[place[-1]] += end
+    return again
+
+
+def said_of(manifest: bytes) -> str:
+    """Return what is said of a manifest that is refused; nothing of one that is taken."""
+    try:
+        document_in(Manifest, manifest, Path("run.json"))
+    except RecordError as error:
+        return str(error)
+    return ""
+
+
+@pytest.mark.parametrize("end", ["\x1b[1A\x1b[2KPASS", "\r20300101T000000.001Z-B", "\u202e", "\x9b2K", "\x7f"])
+def test_no_text_of_a_forged_run_moves_the_cursor(data: Path, end: str) -> None:
+    run = RunRecord(folder(data, 0))
+    whole = run.read_json("run.json") | {"operator": "A", "notes": ["N"], "trouble": "T"}
+    said = {place: said_of(as_json(forged_at(whole, [place], end))) for place in texts_of(whole)}
+    assert all(text.isprintable() for text in said.values())
+    taken, refused = (
+        [place for place, text in said.items() if bool(text) == is_refused] for is_refused in (False, True)
+    )
+    assert {("serial",), ("operator",), ("notes", 0), ("trouble",), ("bench", "name")} <= set(taken)
+    for places in (taken, refused):
+        (run.folder / "run.json").write_bytes(as_json(forged_at(whole, places, end)))
+        for words in (
+            "list --all",
+            "list --json",
+            f"show {run.id}",
+            "verify",
+            "store rebuild",
+            "units",
+            "conclude --all",
+        ):
+            ran = here(*words.split(), "--data", str(data))
+            assert all(line.isprintable() for line in (ran.out + ran.err).split("\n")), words
 
 
 def test_a_head_that_is_no_head_stops_no_command(data: Path, place: Path) -> None:

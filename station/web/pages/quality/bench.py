@@ -74,6 +74,8 @@ class BenchTab:
             self._said.set_text(NO_PART)
             return
         found = await made_beside(self._station, page_part, part, said=self._said.set_text)
+        if part != self._asked():
+            return  # another one was chosen meanwhile, and is asked for
         self._figure.set_visibility(found is not None)
         if found is not None:
             said = (

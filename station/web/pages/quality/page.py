@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from datetime import datetime, timedelta
 from typing import NamedTuple
 
@@ -178,7 +179,6 @@ class _Quality:
         if asked.metric:
             await self._trial.try_asked(asked.metric, asked.low, asked.high)
         await self._bench.show_due()
-        await self._bench.show_part()
 
     def _lot(self) -> Lot:
         return Lot(
@@ -197,9 +197,13 @@ class _Quality:
         self._report.show()
         await self._show_yield()
         await self._show_causes()
-        found = await made_beside(self._station, page_capability, self._lot(), said=self._say)
+        lot = self._lot()
+        found = await made_beside(self._station, page_capability, lot, said=self._say)
+        if lot != self._lot():
+            return  # another one was chosen meanwhile, and is shown by whoever chose it
         self._capability.set_content("" if found is None else capability_html(found))
         if found is None:
+            await self._bench.show_part()
             return
         worst = min(found.rows, key=lambda row: 0.0 if row.found is None else row.found.overall.nearest)
         names = {row.metric.name: title_of(row.metric.metric, row.metric.choices) for row in found.rows}
@@ -208,6 +212,7 @@ class _Quality:
         self._metric.set_options(names, value=kept)
         self._filling = False
         self._bench.set_metrics(names, kept)
+        await self._bench.show_part()
         await self._trial.set_metrics(names, kept)
         await self._chart()
         await self._trend()
@@ -218,7 +223,7 @@ class _Quality:
         days = datetime.fromisoformat(lot.until or "") - datetime.fromisoformat(lot.since or "") if known else None
         by = "day" if days is not None and days <= BY_DAY_UP_TO else "month"
         found = await made_beside(self._station, page_yield, lot, by, said=self._say)
-        if found is not None:
+        if found is not None and lot == self._lot():
             whole = found.whole
             self._shares.set_content(
                 share_html("First pass", whole.first_pass, "units") + share_html("Final", whole.final, "units")
@@ -226,8 +231,9 @@ class _Quality:
             draw(self._yield, yield_options(found))
 
     async def _show_causes(self) -> None:
-        found = await made_beside(self._station, page_causes, self._lot(), said=self._say)
-        if found is None:
+        lot = self._lot()
+        found = await made_beside(self._station, page_causes, lot, said=self._say)
+        if found is None or lot != self._lot():
             return
         for name, head in CAUSES.items():
             self._causes[name].set_content(causes_html(head, getattr(found, name)))
@@ -239,26 +245,33 @@ class _Quality:
     async def _chart(self) -> None:
         if self._filling or not self._metric.value:
             return
-        rules = RULE_SETS[str(self._rules.value)]
-        asked = (self._lot(), self._metric.value, rules, self._subgroup.value)
+        asked = self._chart_asked()
         found = await made_beside(self._station, page_chart, *asked, said=self._chart_said.set_text)
-        if found is not None:
+        if found is not None and asked == self._chart_asked():
             self._chart_said.set_text(chart_words(found))
             signals = signals_html(found)
             self._signals.set_content(signals)
             self._signals.set_visibility(bool(signals))
             draw(self._chart_figure, chart_options(found))
 
+    def _chart_asked(self) -> tuple[Lot, str, Sequence[str], int]:
+        return self._lot(), self._metric.value, RULE_SETS[str(self._rules.value)], self._subgroup.value
+
     async def _trend(self) -> None:
         if self._filling or not self._metric.value:
             return
-        asked = (self._lot(), self._metric.value, self._by.value)
+        asked = self._trend_asked()
         found = await made_beside(self._station, page_trend, *asked, said=self._trend_said.set_text)
+        if asked != self._trend_asked():
+            return
         self._trend_chart.set_visibility(found is not None)
         if found is not None:
             title = title_of(found.metric.metric, found.metric.choices, found.side)
             self._trend_said.set_text(f"{title}. {trend_words(found)}")
             draw(self._trend_chart, trend_options(found))
+
+    def _trend_asked(self) -> tuple[Lot, str, str]:
+        return self._lot(), self._metric.value, self._by.value
 
     def _say(self, text: str) -> None:
         self._said.set_text(text)

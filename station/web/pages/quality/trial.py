@@ -159,8 +159,8 @@ class TrialCard:
         lot = self._lot()
         if not tried.definition:
             found = await made_beside(self._station, page_trial, lot, tried, said=self._tell)
-            if found is not None:
-                self._show(found)
+            if found is not None and (lot, tried) == (self._lot(), self._asked()):
+                self._show(found)  # else something else was chosen meanwhile
             return
         try:
             self._station.trials.start(self._station.data, lot._replace(newest=self._newest.value), tried)

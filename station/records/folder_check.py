@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
 from pathlib import Path
 
+from station.documents.manifest import MANIFEST, Manifest
+from station.errors import RecordError
 from station.records.chain.chain_file import CREATED_MANIFEST, Chain
 from station.records.chain.entries import Entry
 from station.records.chain.old_index import INDEX, index_kept, runs_in
@@ -21,6 +23,8 @@ def folder_problems(
     known: AbstractSet[str],
     folders: Mapping[str, str | None],
     about: Callable[[str], str],
+    *,
+    sealed: AbstractSet[str],
     removed: AbstractSet[str] = frozenset(),
 ) -> list[Problem]:
     """Return what is wrong with the folders.
@@ -30,6 +34,7 @@ def folder_problems(
         known: every run that the chain knows of.
         folders: every folder with a run.json, and the run that this run.json names; None where it cannot be read.
         about: says of a run that is missing what a person looks for it by.
+        sealed: the runs that were concluded.
         removed: runs whose records a rule has removed: they are not missing.
 
     """
@@ -51,11 +56,20 @@ def folder_problems(
         else:
             problems.append(Problem("not_in_chain", name, f"{name}: contains run {run}, which is not in the chain"))
     lost = sorted(known - folders.keys() - elsewhere - removed)
+    newest = max(known, default="")
     return problems + [
         Problem("missing", run, f"{run}: {about(run)}; its folder is missing")
         for run in lost
-        if not RunRecord(data / run).has(CREATED_MANIFEST)
+        if not (run == newest and run not in sealed and _is_being_begun(RunRecord(data / run)))
     ]
+
+
+def _is_being_begun(run: RunRecord) -> bool:
+    """Whether the run.json of a run waits for its name; the newest one has it a moment after its line in the chain."""
+    try:
+        return run.read(Manifest, CREATED_MANIFEST).id == run.id
+    except RecordError:
+        return run.has(MANIFEST)  # it has got its name since
 
 
 def name_problems(names: Iterable[str]) -> list[Problem]:

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -66,6 +67,7 @@ EXIT_ALTERED = 3
 
 WORST_FIRST = ("FAIL", "NOT DECIDABLE", "PASS")
 CHUNK_BYTES = 1 << 20
+RESTORE = "Restore the run's folder from a backup"
 
 
 def sealed_names(record: RunRecord) -> list[str]:
@@ -101,7 +103,7 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
     samples: of a run whose samples were packed; the raw ones are removed.
 
     Raises:
-        RecordError: run.json or the chain cannot be written; the run then has no verdict.
+        RecordError: run.json or the chain cannot be written; the run then has no verdict. Or `refuse_second_seal`.
 
     """
     remove_parts(record.folder)
@@ -112,12 +114,47 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
     manifest = document_in(Manifest, content, record.folder / CONCLUDED)
     row = {name: getattr(manifest, name) for name in ("serial", "attempt", "state", "verdict")}
     row |= {"run": record.id, "created": None if manifest.chain is None else manifest.chain.counter}
-    # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
-    # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
-    record.write_bytes(CONCLUDED, content)
     with writing_to(data_folder(record)) as chain:
+        refuse_second_seal(record, manifest, Chain(data_folder(record)))
+        # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
+        # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
+        record.write_bytes(CONCLUDED, content)
         chain.append(SEALED_ENTRY, sha256=hashlib.sha256(content).hexdigest(), **row)
     _put_in_place(record)
+
+
+def refuse_second_seal(record: RunRecord, manifest: Manifest, chain: Chain) -> None:
+    """Look whether a run may be concluded in this folder; a run is begun once and sealed once, where it was begun.
+
+    An unsealed record is protected by nothing. Somebody may have put it into the place of the sealed one, or copied it
+    here, and a signature would make it true.
+
+    Raises:
+        RecordError: it may not be; says why, and what to do.
+
+    """
+    run, place = manifest.id, record.folder
+    if run != record.id:
+        raise RecordError(f"{place}: contains run {run}; the folder was copied or renamed. Conclude the run itself")
+    trusted = trust_of(chain).keys if chain.there else frozenset()
+    if any(one.signed and one.key in trusted for one in _sealed_entries(chain, run)):
+        raise RecordError(f"{place}: {CHAIN} seals this run already, with another {MANIFEST}. {RESTORE}")
+    if manifest.chain is None:
+        known = not chain.there or (chain.before is not None and run in chain.before.unconcluded)
+    else:
+        known = any(begins(one, chain, manifest.chain) for one in chain.entries_of(run))
+    if not known:
+        raise RecordError(
+            f"{place}: {chain.data / CHAIN} has no entry that begins this run. Put the folder back into the data "
+            "folder in which it was begun, and conclude it there"
+        )
+
+
+def begins(entry: Entry, chain: Chain, place: ChainPlace) -> bool:
+    """Whether this is the entry that begins a run which names this place of the chain."""
+    if entry.kind != CREATED or not entry.signed:
+        return False
+    return place == ChainPlace(id=chain.id, counter=entry.counter, previous=entry.fields["previous"])
 
 
 def data_folder(record: RunRecord) -> Path:
@@ -204,10 +241,13 @@ def alterations(
     """
     manifest = record.manifest()
     if not is_sealed(manifest):
-        # Between its line and its name the sealed run.json waits beside this one.
         chain = chain or Chain(data_folder(record))
-        put_back = not record.has(CONCLUDED) and any(one.signed for one in _sealed_entries(chain, record.id))
-        return (f"{MANIFEST}: is not the one with which the run was concluded",) if put_back else ()
+        kept = {one.fields["sha256"] for one in _sealed_entries(chain, record.id) if one.signed}
+        if not kept or _waits_for_its_name(record, kept):
+            return ()
+        manifest = record.manifest()  # it may have got its name since
+    if not is_sealed(manifest):
+        return (f"{MANIFEST}: is not the one with which the run was concluded",)
     files = manifest.files
     if files is None:
         return (f"{MANIFEST}: the checksums that a concluded run has are missing",)
@@ -216,6 +256,18 @@ def alterations(
     found += [text for name in names if (text := _difference(record, name, files.get(name), samples=samples))]
     found += _contradictions(record, manifest, files)
     return tuple(found)
+
+
+def _waits_for_its_name(record: RunRecord, kept: set[str]) -> bool:
+    """Whether the run.json that the chain seals waits beside the old one, as it does between its line and its name."""
+    if not record.has(CONCLUDED):
+        return False
+    try:
+        return fingerprint(record.folder / CONCLUDED).sha256 in kept
+    except RecordError:
+        if record.has(CONCLUDED):
+            raise  # that it cannot be read now is no alteration
+        return False
 
 
 def alteration_lines(altered: tuple[str, ...] | list[str]) -> list[str]:
@@ -231,9 +283,11 @@ def _difference(record: RunRecord, name: str, kept: Checksum | None, *, samples:
         return f"{name}: was added after the run was concluded"
     path = record.folder / name
     try:
-        size = path.stat().st_size
-        by_size = name in (SAMPLES, PACKED) and not samples
-        now = Checksum(sha256=kept.sha256, bytes=size) if by_size else fingerprint(path)
+        found = path.stat()
+        # Another size says it at once: what somebody made of it may take hours to read.
+        other_size = stat.S_ISREG(found.st_mode) and found.st_size != kept.bytes
+        by_size = other_size or (name in (SAMPLES, PACKED) and not samples)
+        now = Checksum(sha256=kept.sha256, bytes=found.st_size) if by_size else fingerprint(path)
     except (OSError, RecordError):
         return f"{name}: is missing or cannot be read"
     if now.bytes != kept.bytes:
@@ -263,7 +317,7 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
             return named + _against_index(record, manifest, kept)
         return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]
     found = _against_entries(record, manifest, entries, keys)
-    if entries and not (before is not None and run in before.unconcluded):
+    if entries and not (manifest.chain is None and before is not None and run in before.unconcluded):
         found += _against_beginning(chain, run, manifest, entries[0])
     return named + found
 
@@ -277,8 +331,7 @@ def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry
     created = next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
     if created is None:
         return [f"{CHAIN}: has no entry that begins this run"]
-    place = ChainPlace(id=chain.id, counter=created.counter, previous=created.fields["previous"])
-    if manifest.chain != place:
+    if manifest.chain is None or not begins(created, chain, manifest.chain):
         return [f"{MANIFEST}: does not name the entry of {CHAIN} that begins this run"]
     if not whole_between(chain, created, sealed):
         return [f"{CHAIN}: entries between the beginning and the end of this run were removed or changed"]

@@ -82,7 +82,9 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
         held = {run.id: _named_in(run) for run in runs}
         known = {*found.created, *found.sealed, *before}
         removed = {run: line for run, line in found.removed.items() if line.key in trust.keys}
-        problems += [*old_problems, *folder_problems(data, known, held, partial(about_run, found), removed.keys())]
+        problems += old_problems
+        about = partial(about_run, found)
+        problems += folder_problems(data, known, held, about, sealed=found.sealed.keys(), removed=removed.keys())
         problems += trace_problems(data, removed)
     told = {problem.run for problem in problems if problem.kind in NAMED_ONCE}
     concluded = 0

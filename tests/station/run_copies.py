@@ -8,6 +8,10 @@ from typing import Any
 
 from run_samples import as_recorded
 
+from station.documents.entries import plain
+from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.entries import CREATED, SEALED
+from station.records.chain.writing import writing_to
 from station.records.ring.ring import FILE_PREFIX
 from station.records.run_record import RunRecord
 
@@ -34,6 +38,31 @@ def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> N
     )
     if report is not None:
         record.write_json("scan-report.json", report)
+    chain = Chain(record.folder.parent)
+    entries = chain.entries_of(record.id)
+    if not any(entry.kind == CREATED for entry in entries):
+        begun_here(record)
+    sealed = [entry.line + b"\n" for entry in entries if entry.kind == SEALED]
+    if sealed:
+        lines = chain.content.splitlines(keepends=True)
+        (record.folder.parent / CHAIN).write_bytes(b"".join(line for line in lines if line not in sealed))
+
+
+def begun_here(run: RunRecord) -> RunRecord:
+    """Enter a copied run into the chain of the folder that it was copied to, as if it had been begun there."""
+    data = run.folder.parent
+    manifest = run.read_json("run.json")
+    with writing_to(data) as chain:
+        run.write_json("run.json", manifest | {"chain": plain(chain.next_place)})
+        parts = {"recipe": manifest["recipe"]["sha256"], "bench": manifest["bench"]["sha256"]}
+        chain.append(CREATED, run=run.id, serial=manifest["serial"], attempt=manifest["attempt"], **parts)
+    return run
+
+
+def begun_anew(run: RunRecord) -> RunRecord:
+    """The same with a chain of its own, in which it was not sealed yet."""
+    (run.folder.parent / CHAIN).unlink(missing_ok=True)
+    return begun_here(run)
 
 
 def alone(run: RunRecord) -> RunRecord:

@@ -14,6 +14,7 @@ from station.documents.entries import left_out, plain
 from station.errors import StationError
 from station.own_place import own_place
 from station.records.certificate_code import GENUINE, attempts_of, check_code
+from station.records.chain.head import chain_seen_in
 from station.records.chain.keys import KEYS, PRIVATE, check_public_key, own_key, trust, trusted_by_person
 from station.records.chain.problems import PROBLEMS
 from station.records.verify import NAMED_ONCE, Verified, verify_folder
@@ -40,7 +41,7 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
     named = tuple(check_public_key(key, "--key") for key in keys) + _key_of(bench)
-    below = {name: data / name for name in (RECOVERIES, JOGS) if (data / name).is_dir()}
+    below = {name: data / name for name in (RECOVERIES, JOGS) if (data / name).is_dir() or chain_seen_in(data / name)}
     folders = [data, *below.values()]
     found = {folder: verify_folder(folder, named, samples=samples) for folder in folders}
     _tell_store(data, found[data], samples=samples)

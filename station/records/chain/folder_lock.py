@@ -35,18 +35,35 @@ def held(data: Path) -> Iterator[None]:
 
     """
     path = data / LOCK
+    handle = _opened(path)
     try:
-        handle = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, OF_OWNER)
+        _close_to_others(handle, data)
+        _take(handle, path)
+        while not _is_that_of(path, handle):  # removed or replaced meanwhile: others hold the new one
+            os.close(handle)
+            handle = _opened(path)
+            _close_to_others(handle, data)
+            _take(handle, path)
+        yield
+    finally:
+        os.close(handle)
+
+
+def _opened(path: Path) -> int:
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, OF_OWNER)
     except OSError as error:
         raise RecordError(
             f"the data folder cannot be used: {refused(path, error)}. Or choose another data folder with --data"
         ) from error
+
+
+def _is_that_of(path: Path, handle: int) -> bool:
+    """Whether the file by this name is the one that was opened."""
     try:
-        _close_to_others(handle, data)
-        _take(handle, path)
-        yield
-    finally:
-        os.close(handle)
+        return os.path.samestat(path.stat(follow_symlinks=False), os.fstat(handle))
+    except OSError:
+        return False
 
 
 def _close_to_others(handle: int, data: Path) -> None:

@@ -1,7 +1,8 @@
 """A chain from its first line to its last: every hash, every counter, every signature, and what each run has there.
 
 Anybody can add a line. One that does not count, as `writing` says, is named, and the next line is held against the
-line before it. Earlier programs wrote on behind whatever line was the last: that is no break either.
+line before it; so is one that has a number again which was there already. Earlier programs wrote on behind whatever
+line was the last: that is no break either.
 """
 
 from __future__ import annotations
@@ -81,7 +82,8 @@ def walk(
         before = aside if wrong and aside is not None and aside.counter == entry.counter - 1 else last
         found.problems += _link_problems(entry, before)
         _take(found, entry)
-        if entry.key in keys or not (wrong or entry.kind == LOST):
+        repeats = bool(wrong) and entry.kind != LOST and entry.counter <= last.counter
+        if (entry.key in keys and not repeats) or not (wrong or entry.kind == LOST):
             last, aside = this, None
         else:
             aside = this

@@ -38,7 +38,7 @@ class ChainWriter:
         self.path = data / CHAIN
         self.chain = Chain(data)
         self._trusted = trust_of(self.chain).keys
-        self.last = _last_entry(self.path, self._trusted)
+        self.last = _last_entry(self.path, self._trusted, head_of(self.chain.id, data))
         self.warnings: list[str] = []
         self._pinned: tuple[str, ...] = ()
         if self.last is None:
@@ -161,8 +161,11 @@ def writing_to(data: Path) -> Iterator[ChainWriter]:
         yield ChainWriter(data, key)
 
 
-def _last_entry(path: Path, trusted: frozenset[str]) -> Entry | None:
+def _last_entry(path: Path, trusted: frozenset[str], head: Head | None) -> Entry | None:
     """Return the last entry that counts; None where the file has none of any kind.
+
+    Where the file has the entry that this computer wrote last, only what follows that counts: a line from further up,
+    or of another folder that the same key signed, was put there.
 
     Raises:
         RecordError: it has entries, and none that counts.
@@ -170,14 +173,18 @@ def _last_entry(path: Path, trusted: frozenset[str]) -> Entry | None:
     """
     behind: list[Entry] = []
     for size in (TAIL_BYTES, 1 << 62):
-        behind = []
+        behind, newest = [], None
         for line in reversed(tail(path, size).split(b"\n")[:-1]):
             entry = entry_of(line)
             if entry is None:
                 continue
             if entry.key in trusted and entry.signed:
-                return _end_of_row(entry, reversed(behind))
+                if head is None or (entry.counter, entry.sha256) == (head.counter, head.sha256):
+                    return _end_of_row(entry, reversed(behind), trusted)
+                newest = newest or (entry, tuple(reversed(behind)))
             behind.append(entry)
+    if newest is not None:  # what this computer wrote last is not there any more
+        return _end_of_row(*newest, trusted)
     if behind:
         raise RecordError(
             f"{path}: no line is signed by a key that this computer trusts. Restore this file and {FOLDER_KEYS} from a "
@@ -187,9 +194,9 @@ def _last_entry(path: Path, trusted: frozenset[str]) -> Entry | None:
     return None
 
 
-def _end_of_row(last: Entry, behind: Iterable[Entry]) -> Entry:
+def _end_of_row(last: Entry, behind: Iterable[Entry], trusted: frozenset[str]) -> Entry:
     for entry in behind:
-        if entry.kind != LOST and follows(entry, last) and entry.signed:
+        if (entry.kind != LOST or entry.key in trusted) and follows(entry, last) and entry.signed:
             last = entry
     return last
 

@@ -20,18 +20,22 @@ from definitions.image import Command
 from station.atomic_file import Appender, refused
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk
+from station.records.chain.chain_file import Chain
 from station.records.process_birth import process_birth
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
 from station.records.ring.to_disk import RecordWriter
 from station.records.run_record import INTERRUPTED, RunRecord
 from station.records.run_ring import ring_of
-from station.records.seal import finish_seal, is_sealed
+from station.records.seal import data_folder, finish_seal, is_sealed, refuse_second_seal
 from station.run.outcome import RunOutcome, cause_name, scan_report
 
 SUPERVISOR_DIED = "the supervisor process ended during the run; the scan process continued without it"
 TAKEN_OVER = "the supervisor process ended during the run; a new one took over, with {} records on disk"
 BOTH_DIED = "supervisor and scan process ended during the run"
+NOT_BEGUN = (
+    "the run is from before the data folder had a chain, so nothing proves that this bench recorded it: it cannot pass"
+)
 UNCOUNTED = (
     "the number of records that the scan process wrote is not known: its record buffer was removed and its report has "
     "no count"
@@ -67,6 +71,7 @@ def recover(run: RunRecord, *, again: bool = False) -> int:
 
     Raises:
         RecordError: something of the run cannot be read or written now. Nothing is decided: it can be tried again.
+            Or the run may not be concluded here, as `refuse_second_seal` says.
 
     """
     if not to_be_concluded(run, again=again):
@@ -74,6 +79,7 @@ def recover(run: RunRecord, *, again: bool = False) -> int:
     with _owned(run, again=again) as ours:
         if not ours or finish_seal(run):
             return 0
+        refuse_second_seal(run, run.manifest(), Chain(data_folder(run)))
         path = ring_of(run)
         if path is None:
             _conclude(run, Ended(None))
@@ -214,6 +220,8 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
         disk=ended.disk,
     )
     kept = replace(kept, written=written, lost=lost)
+    if run.manifest().chain is None:
+        kept = replace(kept, trouble="; ".join(one for one in (kept.trouble, NOT_BEGUN) if one))
     try:
         job = stored_job(run)
     except RecipeError as error:

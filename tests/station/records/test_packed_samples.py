@@ -15,7 +15,7 @@ import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from run_copies import alone
+from run_copies import alone, begun_here
 from run_samples import as_recorded, flip, recorded
 from stored_runs import store_run
 
@@ -109,7 +109,7 @@ def test_columns_that_are_not_those_of_the_description_are_told(change: str) -> 
 @pytest.fixture
 def run(tmp_path: Path) -> RunRecord:
     """A run that is recorded and was not concluded."""
-    run = alone(store_run(tmp_path / "runs", "S", []))
+    run = begun_here(alone(store_run(tmp_path / "runs", "S", [])))
     run.samples.write_bytes(records(50))
     return run
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from lostmotion_command import here
-from run_copies import alone
+from run_copies import alone, begun_here
 from run_samples import as_recorded, flip
 from station_samples import SETUP
 
@@ -19,10 +19,12 @@ from station.atomic_file import as_json
 from station.documents.entries import plain
 from station.documents.result import MetricValue
 from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.entries import FIELDS, SEALED
 from station.records.chain.walk import walk
+from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.records.seal import alterations, seal
+from station.records.seal import alterations, fingerprint, seal, sealed_names
 from station.reports.stored_result import stored_result
 from station.run.run_list import row
 
@@ -67,10 +69,16 @@ def another_verdict_everywhere(run: RunRecord) -> None:
 
 
 def seal_without_line(run: RunRecord) -> None:
-    chain = run.folder.parent / CHAIN
-    before = chain.read_bytes()
-    seal(run, verdict="FAIL")
-    chain.write_bytes(before)
+    files = {name: plain(fingerprint(run.folder / name)) for name in sealed_names(run)}
+    run.write_json("run.json", run.read_json("run.json") | {"verdict": "FAIL", "files": files})
+
+
+def another_line(run: RunRecord) -> None:
+    """What the bench itself once did where a run was sealed again."""
+    (sealed,) = (entry for entry in Chain(run.folder.parent).entries_of(run.id) if entry.kind == SEALED)
+    fields = {name: sealed.fields[name] for name in FIELDS[SEALED]} | {"sha256": "0" * 64}
+    with writing_to(run.folder.parent) as chain:
+        chain.append(SEALED, **fields)
 
 
 ALTERATIONS: dict[str, tuple[Callable[[RunRecord], None], str]] = {
@@ -93,7 +101,7 @@ ALTERATIONS: dict[str, tuple[Callable[[RunRecord], None], str]] = {
     "no checksums": (lambda run: run.update(files=None), "run.json"),
     "all of it with new checksums": (another_verdict_everywhere, "run.json"),
     "no line in the chain": (lambda run: (run.folder.parent / CHAIN).write_bytes(b""), CHAIN),
-    "a second line in the chain": (lambda run: seal(run, verdict="PASS", ended="later"), CHAIN),
+    "a second line in the chain": (another_line, CHAIN),
 }
 
 
@@ -145,7 +153,7 @@ def test_a_damaged_record_leaves_no_row_its_verdict(sealed: RunRecord) -> None:
     """Samples that do not read back, in a record that has no checksums of its own to compare them with."""
     as_recorded(sealed)
     flip_sample(sealed)
-    sealed = alone(sealed)
+    sealed = begun_here(alone(sealed))
     manifest = sealed.manifest()
     content = sealed.samples.read_bytes()
     seal(sealed)

@@ -13,7 +13,7 @@ import pytest
 from lostmotion_command import Ran, here
 from patient import patient_bench, short_recipe
 from printed_numbers import alike
-from run_copies import copy_of
+from run_copies import begun_anew, copy_of
 from run_samples import as_recorded, flip, read_back
 
 import station.reports.illustrate
@@ -68,6 +68,7 @@ def copied(quick_run: Any, tmp_path: Path) -> RunRecord:
 def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
     written = changes.pop("written", record.records())
     as_recorded(record)
+    begun_anew(record)
     job = load_job(str(record.folder / "recipe.yaml"), str(record.folder / "bench.yaml"))
     result: dict[str, Any] = plain(conclude(record, job, RunOutcome(written=written, **changes)).result)
     return result

@@ -23,16 +23,19 @@ from station.atomic_file import as_json
 from station.documents.manifest import Manifest
 from station.documents.reading import document_in
 from station.errors import RecordError
-from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.entries import FIELDS, entry_of, signed_entry
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, own_key
 from station.records.chain.problems import PROBLEMS
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.records.seal import alterations, seal
+from station.records.seal import CONCLUDED, alterations, seal
 from station.records.verify import verify_folder
 from station.reports.stored_result import stored_result
 from station.run.run_list import row
+from station.run.way_back.recover import recover
+
+NOBODY = 1 << 22  # no process has this number
 
 
 def forge(data: Path, key: BenchKey | None = None) -> None:
@@ -97,12 +100,30 @@ def seal_again(data: Path, changed: list[bytes]) -> None:
 
 
 def bring_to_be_sealed(data: Path) -> None:
-    """Copy a run under another id, and have the bench itself seal it."""
+    """Copy a run under another id, and have the bench itself seal it, which it refuses."""
     copy = data / "20300101T000000.000Z-A"
     shutil.copytree(folder(data, 2), copy)
     run = RunRecord(copy)
     run.write_json("result.json", run.read_json("result.json") | {"run": run.id})
-    seal(run, id=run.id)
+    with pytest.raises(RecordError, match="no entry that begins this run"):
+        seal(run, id=run.id)
+
+
+def hide_a_deletion(data: Path, content: str) -> None:
+    """Delete a FAIL, and leave what a run has whose run.json is about to get its name."""
+    lost = folder(data, 0)
+    shutil.rmtree(lost)
+    lost.mkdir()
+    (lost / CREATED_MANIFEST).write_text(content)
+
+
+def unconclude(run: RunRecord, *, waits: bool) -> None:
+    """Make a run.json as it is while a run is recorded; `waits`: beside an empty one that seems to be being sealed."""
+    manifest = {key: value for key, value in run.read_json("run.json").items() if key not in ("files", "samples")}
+    manifest["desk"] |= {"pid": NOBODY}
+    (run.folder / "run.json").write_bytes(as_json(manifest | {"state": "recording", "verdict": None}))
+    if waits:
+        (run.folder / CONCLUDED).touch()
 
 
 def swap(one: Path, other: Path) -> None:
@@ -119,6 +140,19 @@ def replace_folder(data: Path) -> None:
 
 DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {
     "delete a FAIL": (lambda data: shutil.rmtree(folder(data, 0)), "missing"),
+    "delete a FAIL behind an empty run.json": (lambda data: hide_a_deletion(data, ""), "missing"),
+    "delete a FAIL behind a run.json": (
+        lambda data: hide_a_deletion(data, (folder(data, 0) / "run.json").read_text(encoding="utf-8")),
+        "missing",
+    ),
+    "put an unconcluded run in its place": (
+        lambda data: unconclude(RunRecord(folder(data, 0)), waits=False),
+        "altered",
+    ),
+    "put one there that seems to be being sealed": (
+        lambda data: unconclude(RunRecord(folder(data, 0)), waits=True),
+        "altered",
+    ),
     "delete the newest run": (lambda data: shutil.rmtree(folder(data, -1)), "missing"),
     "delete the newest run and its lines": (
         lambda data: (shutil.rmtree(folder(data, -1)), write(data, lines(data)[:-2])),
@@ -153,7 +187,7 @@ DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {
         "removed_entries",
     ),
     "cut off the end and have the run sealed again": (lambda data: seal_again(data, lines(data)[:2]), "lost_entries"),
-    "have a run sealed that nobody began": (bring_to_be_sealed, "altered"),
+    "have a run sealed that nobody began": (bring_to_be_sealed, "copied"),
     "bring a run from elsewhere": (
         lambda data: shutil.copytree(
             store_run(data.parent / "elsewhere", "D", [metric(0.1)]).folder, data / "20300101T000000.000Z-D"
@@ -164,6 +198,38 @@ DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {
     "edit a result": (lambda data: (folder(data, 0) / "result.json").write_text("{}"), "altered"),
     "damage run.json": (lambda data: (folder(data, 0) / "run.json").write_text("{"), "damaged"),
 }
+
+
+def test_a_run_is_sealed_once_and_where_it_was_begun(data: Path) -> None:
+    chain = (data / CHAIN).read_bytes()
+    run = RunRecord(folder(data, 0))
+    elsewhere = data.parent / "elsewhere" / run.id
+    unconclude(run, waits=True)
+    shutil.copytree(run.folder, elsewhere)
+    copy = data / "20300101T000000.000Z-A"
+    shutil.copytree(run.folder, copy)
+    for one in (run, RunRecord(elsewhere), RunRecord(copy)):
+        content = (one.folder / "run.json").read_bytes()
+        for conclude in (recover, lambda record: seal(record, state="complete", verdict="PASS")):
+            with pytest.raises(RecordError):
+                conclude(one)
+        assert (one.folder / "run.json").read_bytes() == content
+    assert (data / CHAIN).read_bytes() == chain
+    assert here("conclude", run.id, "--data", str(data)).exit_code != 0
+    assert row(store_run(data, "D", [metric(0.4)])).verdict == "PASS"
+
+
+@pytest.mark.parametrize("put", ["further up", "of another folder"])
+def test_a_line_that_was_signed_and_put_there_changes_nothing_once_it_is_gone(data: Path, put: str) -> None:
+    store_run(data.parent / "elsewhere", "E", [metric(0.1)])
+    line = lines(data)[2] if put == "further up" else lines(data.parent / "elsewhere")[-1]
+    write(data, [*lines(data), line])
+    assert here("verify", "--data", str(data)).exit_code == 1
+    run = store_run(data, "D", [metric(0.4)])
+    assert row(run).verdict == "PASS"
+    assert "reordered_entries" in {problem.kind for problem in verify_folder(data).problems}
+    write(data, [one for number, one in enumerate(lines(data)) if one != line or number < 9])
+    assert verify_folder(data).problems == []
 
 
 def test_an_untouched_folder_passes(data: Path) -> None:

@@ -142,9 +142,9 @@ def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path
     write(data, [*lines(data), unsigned(data)])
     end = last(data)
     fields = {"first": 1, "last": 1, "sha256": ""}
-    write(
-        data, [*lines(data), signed_entry(LOST, end.counter + 1, end.sha256, "then", own_key(), **fields).line + b"\n"]
-    )
+    lost = signed_entry(LOST, end.counter + 1, end.sha256, "then", own_key(), **fields)
+    write(data, [*lines(data), lost.line + b"\n"])
+    keep_head(Head(Chain(data).id, lost.counter, lost.sha256, str(data), (own_key().public,)), data, own_key())
     assert kinds(data) == {"forged_entry", "lost_entries"}
     store_run(data, "D", [metric(0.4)])
     assert kinds(data) == {"forged_entry", "lost_entries"}

@@ -99,7 +99,8 @@ def test_a_recipe_that_judges_one_side_of_a_metric_is_told_so(failed: RunRecord,
 
 CURVE = """  curve:
     {id: old, made: 2019-01-01, due: 2020-01-01, angles: both,
-     points: [{torque: -500 N·m, deflection: -4 arcmin}, {torque: 500 N·m, deflection: 4 arcmin}]}
+     points: [{torque: -500 N·m, deflection: -0.05 arcmin},
+              {torque: 500 N·m, deflection: 0.05 arcmin}]}
 """
 
 

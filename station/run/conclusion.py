@@ -100,7 +100,8 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     altered = _not_its_own(record, run, job)
     # The last record may say complete although the process that wrote it was lost before it could say so.
     unsure = [outcome.trouble] if outcome.trouble and state == "complete" else []
-    of_clock = [] if outcome.refused else objections_to_clock(timing)
+    # A scan that was lost could not name its unit: the loss is the reason then, and nothing is decided for it either.
+    of_clock = [] if outcome.refused or (outcome.trouble and outcome.pace is None) else objections_to_clock(timing)
     objections, facts = broken + altered + unsure + of_clock, run_facts(table, timing, job.recipe.sampling)
     trace, found, reasons = None, None, _early_reasons(state, events, outcome)
     if len(table) and not broken and not altered:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from station.documents.entries import left_out
-from station.documents.manifest import BenchSource, Moment, Period, RecipeSource, Software
+from station.documents.manifest import BenchSource, Finite, Moment, Period, RecipeSource, Software
 from station.documents.result import MetricValue
 from station.documents.timing import Timing
 
@@ -35,6 +35,7 @@ class ExportedRun:
     """A run as its exported file describes it.
 
     `trace` is the fingerprint of the trace, and `recorded` what was counted; both are there when it has a trace.
+    `ratio` and `loading` are those of its recipe; files of older versions lack them.
     """
 
     id: str
@@ -51,6 +52,8 @@ class ExportedRun:
     scenario: str | None = left_out()
     operator: str | None = left_out()
     unit: str
+    ratio: Finite | None = left_out()
+    loading: str | None = left_out()
     virtual_unit: str | None = left_out()
     noise_seed: int | None = left_out()
     verdict: str

@@ -26,6 +26,7 @@ from typing import Any
 
 from station.atomic_file import as_json, open_file, refused, write_atomic
 from station.documents.entries import Plain, plain
+from station.documents.exported import ExportedRun
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
 from station.documents.reading import NEXT_STEP, Document, read_document
 from station.errors import RecordError
@@ -189,7 +190,7 @@ class RunRecord:
         return manifest.state == RECORDING and process_birth(supervisor.pid) != supervisor.birth
 
 
-def only_simulated(run: Manifest) -> bool:
+def only_simulated(run: Manifest | ExportedRun) -> bool:
     """Whether a run named a real bench and used nothing of it: in virtual time its devices are simulated.
 
     Such a run says nothing of how the bench is, what it can measure, or how it was left.

@@ -19,9 +19,10 @@ from station.documents.manifest import ChainPlace, Checksum, Manifest, PackedSam
 from station.documents.reading import document_in
 from station.documents.result import Decided
 from station.errors import RecordError
+from station.records.begun_by import BegunBy, beginning_of, not_begun_by, unlike_its_line
 from station.records.chain.chain_file import CHAIN, Chain
-from station.records.chain.entries import CREATED, Entry
 from station.records.chain.entries import SEALED as SEALED_ENTRY
+from station.records.chain.entries import Entry
 from station.records.chain.head import chain_seen_in
 from station.records.chain.old_index import INDEX, index_content, index_kept, index_lines
 from station.records.chain.walk import trust_of, whole_between
@@ -328,14 +329,14 @@ def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry
     What lies in the folder unsealed is not protected. So a run that nobody began, or that was sealed before and whose
     line was taken out, has no verdict although it was sealed by the right key.
     """
-    created = next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
+    created = beginning_of(chain, run)
     if created is None:
         return [f"{CHAIN}: has no entry that begins this run"]
     if manifest.chain is None or not begins(created, chain, manifest.chain):
         return [f"{MANIFEST}: does not name the entry of {CHAIN} that begins this run"]
     if not whole_between(chain, created, sealed):
         return [f"{CHAIN}: entries between the beginning and the end of this run were removed or changed"]
-    return []
+    return unlike_its_line(manifest, created)
 
 
 def _against_entries(record: RunRecord, manifest: Manifest, entries: list[Entry], trusted: frozenset[str]) -> list[str]:
@@ -379,11 +380,8 @@ def _against_index(record: RunRecord, manifest: Manifest, content: bytes) -> lis
 
 def _contradictions(record: RunRecord, manifest: Manifest, files: Mapping[str, Checksum]) -> list[str]:
     """Return where the parts of a record do not say the same: recipe and bench as started, verdict, metrics."""
-    found = [
-        f"{part}.yaml: is not the {part} that the run was started with"
-        for part, source in (("recipe", manifest.recipe), ("bench", manifest.bench))
-        if (kept := files.get(f"{part}.yaml")) is None or source.sha256 != kept.sha256
-    ]
+    sealed = (files.get(name) for name in (RECIPE_COPY, BENCH_COPY))
+    found = not_begun_by(manifest, BegunBy(*(None if one is None else one.sha256 for one in sealed)))
     try:
         result = record.read(Decided, RESULT)
     except RecordError:

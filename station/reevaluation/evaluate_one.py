@@ -34,7 +34,7 @@ from station.reevaluation.question import Question
 from station.results.evaluation import evaluate_trace
 from station.results.judged import judged_by_selection, judged_in
 from station.results.run_analysis import recorded_trace
-from station.results.trace_origin import check_recipe_fits, objections_to_bench
+from station.results.trace_origin import check_recipe_fits, measured_unit, objections_to_bench
 from station.version import software
 
 SOFTWARE_DIGITS = 12
@@ -211,7 +211,7 @@ def _asked(question: Question, own: Recipe, own_bytes: bytes, run: str) -> tuple
     if not question.recipe:
         return own, question.selection.made
     recipe = _recipe(question.recipe)
-    check_recipe_fits(recipe, Path(question.recipe_file), own, run)
+    check_recipe_fits(recipe, Path(question.recipe_file), measured_unit(own), run)
     return recipe, question.selection.made or question.recipe != own_bytes
 
 

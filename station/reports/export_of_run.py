@@ -7,15 +7,17 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from recipes import RecipeError, load_recipe
 from station.documents.exported import ExportedRun
 from station.errors import RecordError, StationError
-from station.records.run_record import RunRecord
+from station.records.run_record import RECIPE_COPY, RunRecord
 from station.records.samples.check import check_bytes
 from station.records.samples.samples import samples_bytes
 from station.records.samples.table import table_of
 from station.reports.stored_result import stored_result
 from station.results.export import FORMATS, LOCALES, Column, Writer, columns_of, sidecar, write_csv
 from station.results.export_origin import TraceNote, for_analysis
+from station.results.trace_origin import measured_unit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -37,6 +39,9 @@ def described(run: RunRecord, note: TraceNote | None) -> ExportedRun:
     A unit that was not real, and a scenario whose faults were injected, are part of its identity.
     """
     manifest, result = run.manifest(), stored_result(run)
+    ratio, loading = None, None
+    with contextlib.suppress(RecipeError):  # one that is no recipe any more: then the file says nothing of them
+        _, loading, ratio = measured_unit(load_recipe(run.folder / RECIPE_COPY))
     return ExportedRun(
         id=manifest.id,
         serial=manifest.serial,
@@ -52,6 +57,8 @@ def described(run: RunRecord, note: TraceNote | None) -> ExportedRun:
         scenario=manifest.scenario,
         operator=manifest.operator,
         unit=manifest.unit.model,
+        ratio=ratio,
+        loading=loading,
         virtual_unit=manifest.unit.virtual or None,
         noise_seed=manifest.unit.noise_seed,
         # Of an altered record the result decides nothing, and the file says so wherever it goes.

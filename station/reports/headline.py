@@ -13,6 +13,9 @@ from station.reports.result_text import titled_reason
 
 BENCH_FAULT = "BENCH FAULT"
 FAULTS_INJECTED = "FAULTS INJECTED"
+INVALID = "measurement invalid"
+"""How a reason begins that is no limit of a metric."""
+
 ENDED_WELL = ("complete", "analyzed")
 
 ENDINGS: dict[str, str] = {
@@ -80,7 +83,7 @@ def remaining_reasons(result: Result) -> list[str]:
 
 def objection(result: Result) -> str:
     """Return why a result's measurement was invalid, in its own words; '' where it was not."""
-    return next((reason for reason in result.reasons if reason.startswith("measurement invalid")), "")
+    return next((reason for reason in result.reasons if reason.startswith(INVALID)), "")
 
 
 def badges(result: Result) -> tuple[str, ...]:

@@ -36,6 +36,7 @@ from station.records.samples.table import Table
 from station.records.timing_proof import counts_of, facts_of_counts
 from station.results.evaluation import trace_of
 from station.results.export import RUN_KEY, Column, sidecar, trace_columns
+from station.results.trace_origin import MeasuredUnit, check_recipe_fits
 
 UNREADABLE = (StationError, RecipeError, AnalysisError, AttributeError, KeyError, TypeError, ValueError)
 """What reading a run raises that was altered, or ended before anything was measured: its files may hold anything."""
@@ -132,13 +133,11 @@ class Origin:
             )
 
     def check_recipe(self, recipe: Recipe, recipe_file: Path) -> None:
-        """Refuse a recipe for another model of unit."""
-        asked, was = recipe.unit_under_test.model, self.run.unit
-        if asked != was:
-            raise StationError(
-                f"{recipe_file}: unit_under_test.model: found {asked}; {self.file} was exported from run "
-                f"{self.run.id}, which measured a {was}. Choose a recipe for that model",
-            )
+        """Refuse a recipe for another model of unit, or for one of another ratio or loaded by the other shaft."""
+        run = self.run
+        check_recipe_fits(
+            recipe, recipe_file, MeasuredUnit(run.unit, run.loading, run.ratio), f"{run.id} (file {self.file})"
+        )
 
     def text(self) -> str:
         """Return where the file comes from, as one line for a person."""

@@ -4,9 +4,23 @@ from __future__ import annotations
 
 from datetime import date
 from pathlib import Path
+from typing import NamedTuple
 
 from recipes import Bench, Recipe, RecipeError, check_side, out_of_date
 from station.errors import StationError
+
+
+class MeasuredUnit(NamedTuple):
+    """The unit of a run, and the shaft it was loaded by; None for what an exported file of an older version lacks."""
+
+    model: str
+    loading: str | None
+    ratio: float | None
+
+
+def measured_unit(own: Recipe) -> MeasuredUnit:
+    """Return the unit of a run by its own recipe."""
+    return MeasuredUnit(own.unit_under_test.model, own.loading, own.unit_under_test.ratio)
 
 
 def objections_to_bench(recipe: Recipe, bench: Bench, day: date) -> list[str]:
@@ -22,22 +36,21 @@ def objections_to_bench(recipe: Recipe, bench: Bench, day: date) -> list[str]:
     return out_of_date(recipe, bench, day)
 
 
-def check_recipe_fits(recipe: Recipe, recipe_file: Path, own: Recipe, run: str) -> None:
-    """Refuse a recipe that cannot say anything about the unit of a run; own: its own recipe."""
-    asked, was = recipe.unit_under_test.model, own.unit_under_test.model
-    if asked != was:
+def check_recipe_fits(recipe: Recipe, recipe_file: Path, own: MeasuredUnit, run: str) -> None:
+    """Refuse a recipe that cannot say anything about the unit of a run; run: as it is named, behind the word `run`."""
+    asked = measured_unit(recipe)
+    if asked.model != own.model:
         raise StationError(
-            f"{recipe_file}: unit_under_test.model: found {asked}; run {run} measured a {was}. "
+            f"{recipe_file}: unit_under_test.model: found {asked.model}; run {run} measured a {own.model}. "
             "Choose a recipe for that model",
         )
-    if recipe.loading != own.loading:
+    if own.loading is not None and asked.loading != own.loading:
         raise StationError(
-            f"{recipe_file}: loading: found {recipe.loading}; in run {run} the {own.loading} shaft was loaded. "
+            f"{recipe_file}: loading: found {asked.loading}; in run {run} the {own.loading} shaft was loaded. "
             f"Choose a recipe with loading: {own.loading}",
         )
-    ratio, was_ratio = recipe.unit_under_test.ratio, own.unit_under_test.ratio
-    if ratio != was_ratio:
+    if own.ratio is not None and asked.ratio != own.ratio:
         raise StationError(
-            f"{recipe_file}: unit_under_test.ratio: found {ratio:g}; run {run} measured a {was} with ratio "
-            f"{was_ratio:g}. One model has one ratio: correct the recipe that is wrong",
+            f"{recipe_file}: unit_under_test.ratio: found {asked.ratio:g}; run {run} measured a {own.model} with ratio "
+            f"{own.ratio:g}. One model has one ratio: correct the recipe that is wrong",
         )

@@ -25,6 +25,8 @@ from station.documents.reading import document_in
 from station.documents.result import DecisionRule, Judged, Result
 from station.documents.timing import Timing
 from station.errors import RecordError, StationError
+from station.records.begun_by import BegunBy, beginning_of, not_begun_by, unlike_its_line
+from station.records.chain.chain_file import Chain
 from station.records.left_state import left_state
 from station.records.program_file import SegmentRow, StoredProgram
 from station.records.run_record import CALIBRATION, EVENTS, INTERRUPTED, RESULT, TIMING, RunRecord
@@ -32,7 +34,7 @@ from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.event_log import alarms_in, events_of
 from station.records.samples.samples import pack_samples
 from station.records.samples.table import Table
-from station.records.seal import seal
+from station.records.seal import data_folder, seal
 from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
 from station.results.evaluation import evaluate_trace, ratio_of, trace_of
 from station.results.judged import check_values, judged_in
@@ -68,6 +70,8 @@ class Conclusion:
 def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     """Evaluate a run that has ended, write everything, read it back, and only then return the verdict.
 
+    By a recipe or a bench file that is not the one that the run was begun by, nothing is evaluated.
+
     Raises:
         RecordError: something cannot be stored, or not be read back. The run has no verdict then and is not sealed:
             it can be concluded again when the disk can be written again.
@@ -93,12 +97,14 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     broken = [f"the record is not sound: {problem}" for problem in read_back.problems]
     if outcome.lost:
         broken.append(f"{outcome.lost} records were lost: the supervisor process was too slow. Close other programs")
+    altered = _not_its_own(record, run, job)
     # The last record may say complete although the process that wrote it was lost before it could say so.
     unsure = [outcome.trouble] if outcome.trouble and state == "complete" else []
-    of_clock = [] if outcome.refused else objections_to_clock(timing)
-    objections, facts = broken + unsure + of_clock, run_facts(table, timing, job.recipe.sampling)
+    # A scan that was lost could not name its unit: the loss is the reason then, and nothing is decided for it either.
+    of_clock = [] if outcome.refused or (outcome.trouble and outcome.pace is None) else objections_to_clock(timing)
+    objections, facts = broken + altered + unsure + of_clock, run_facts(table, timing, job.recipe.sampling)
     trace, found, reasons = None, None, _early_reasons(state, events, outcome)
-    if len(table) and not broken:
+    if len(table) and not broken and not altered:
         trace, found, trouble = _evaluate(table, job, objections, facts, run_id=record.id, segments=program.segments)
         reasons += [trouble] if trouble and state == "complete" else []
     if found is not None and state == "complete":
@@ -155,6 +161,14 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     changes = {"state": state, "ended": now_text(), "verdict": result.verdict, "ring": None}
     seal(record, **changes, records=read_back.records, samples=samples)
     return Conclusion(result, trace, found if state == "complete" else None)
+
+
+def _not_its_own(record: RunRecord, run: Manifest, job: Job) -> list[str]:
+    """Return why a job is not the one that a run was begun by; whoever concludes it later reads it from its folder."""
+    found = not_begun_by(run, BegunBy(job.recipe_source.sha256, job.bench_source.sha256))
+    created = beginning_of(Chain(data_folder(record)), record.id)
+    found += [] if created is None else unlike_its_line(run, created)
+    return [f"the record was altered: {one}" for one in found]
 
 
 def _with_virtual_unit(record: RunRecord, run: Manifest, unit: str) -> Manifest:

@@ -62,6 +62,11 @@ BENCH_CASES = {
         CURVE + "calibrations: []",
         "a curve of 960 N·m/arcmin and a stiffness of 10000 N·m/arcmin; allowed: a curve of 5000 N·m/arcmin to",
     ),
+    "curve of two encoders that is softer than the whole fixture": (
+        "calibrations: []",
+        CURVE.replace("angles: loaded", "angles: both") + "calibrations: []",
+        "a curve of 960 N·m/arcmin and a stiffness of 10000 N·m/arcmin; allowed: a curve of 5000 N·m/arcmin or more",
+    ),
     "bitrate": ("bitrate: 1000000", "bitrate: 1000", "found 1000"),
     "host": ("host: 127.0.0.1\n  port: 1502", "host: 3\n  port: 1502", "amplifier.host: found 3; allowed: a text. Put"),
     "date": (

@@ -14,14 +14,17 @@ from analysis.trace.trace_files import read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
 from station.bench.request import trace_file
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
+from station.cli.bench.usable_runs import check_measured, check_recorded, usable
 from station.cli.runs.evaluate_anew import method_without_run
 from station.documents.entries import plain
+from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.program_file import StoredProgram
-from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RESULT, RunRecord
 from station.records.samples.samples import read_samples
 from station.results.evaluation import trace_of
+from station.results.export_origin import origin_of
 
 
 @dataclass(frozen=True)
@@ -73,7 +76,8 @@ def blank(
         as_json: JSON instead of YAML.
 
     Raises:
-        StationError, RecipeError, AnalysisError: what cannot be read, or a trace without a whole loop.
+        StationError, RecipeError, AnalysisError: what cannot be read or may not be used, or a trace without a whole
+            loop.
 
     """
     source, made, method_recipe, method_bench, label = _source(trace, recipe, bench, data)
@@ -99,15 +103,31 @@ def _source(
             )
         own = None if bench is None else load_bench(find_bench(bench))
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
-        return read_trace(path), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
+        return _of_file(path), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
     run = Store(data).find(trace)
     return _of_run(run, recipe, bench)
+
+
+def _of_file(path: Path) -> Trace:
+    """Return the trace of a file; of an export, only where its run may be used and the trace is still its own."""
+    trace = read_trace(path)
+    origin = origin_of(path, trace)
+    if origin is None:
+        return trace
+    origin.check_complete()
+    check_measured(str(path), origin.run)
+    objections = [*origin.objections, *(["the trace in the file is not the run's"] if origin.changed else [])]
+    if objections:
+        raise StationError(f"{path} was not used: {objections[0]}. Export the run again")
+    check_recorded(str(path), origin.run.verdict, origin.run.reasons)
+    return trace
 
 
 def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trace, date, Recipe, Bench | None, str]:
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; expected a complete run. Name another run")
-    manifest = run.manifest()
+    manifest = usable(run)
+    check_recorded(f"run {run.id}", manifest.verdict, run.read(Result, RESULT).reasons)
     own = load_recipe(run.folder / RECIPE_COPY if recipe is None else recipe)
     where = load_bench(run.folder / BENCH_COPY if bench is None else find_bench(bench))
     segments = StoredProgram.of(run).segments

@@ -15,11 +15,11 @@ from typing import NamedTuple
 from analysis.evaluation.verdict import Verdict
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes.schema.calibration_schema import LEAST_UNITS
+from station.cli.bench.usable_runs import usable
 from station.documents.ratio import RatioLine, RatioRecord
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.run_record import CALIBRATION, RESULT, RunRecord
-from station.records.seal import alterations
 from station.reports.headline import objection
 from station.reports.result_text import COVERAGE, coverage_factor
 
@@ -52,19 +52,15 @@ def measured_ratio(record: RunRecord) -> MeasuredRatio:
     """Return the torque ratio that a run measured.
 
     Raises:
-        StationError: it has measured none, was altered or is invalid, faults were injected, a ramp was interrupted, or
-            its unit failed.
+        StationError: it has measured none, is not `usable` or is invalid, a ramp was interrupted, or its unit failed.
 
     """
-    altered = alterations(record, samples=False)
-    if altered:
-        raise StationError(f"run {record.id} was not used: its record was altered ({altered[0]}). Choose another run")
+    manifest = usable(record)
     if not (record.folder / CALIBRATION).is_file():
         raise StationError(
             f"run {record.id} measured no torque ratio. Name a complete run of a recipe with a step 'calibrate'"
         )
     _refuse_unreliable(record)
-    manifest = record.manifest()
     recipe = f"{manifest.recipe.name} revision {manifest.recipe.revision}"
     measured = record.read(RatioRecord, CALIBRATION)
     return MeasuredRatio(record.id, manifest.serial, recipe, manifest.unit.virtual, measured)
@@ -93,10 +89,6 @@ def check_together(found: Sequence[MeasuredRatio]) -> None:
 def _refuse_unreliable(record: RunRecord) -> None:
     """Refuse lines that nobody may rely on, or that may be those of a defect; warn of a unit that did not pass."""
     result = record.read(Result, RESULT)
-    if result.scenario:
-        raise StationError(
-            f"run {record.id} was not used: faults were injected on purpose ({result.scenario}). Choose another run"
-        )
     if said := objection(result):
         raise StationError(f"run {record.id} was not used: {said}. Measure the unit again")
     if coverage_factor(result.metrics) > COVERAGE:  # its lines would be in every later run, whose U has the usual k

@@ -11,8 +11,8 @@ from recipes import RecipeError
 from station.documents.entries import plain
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
-from station.records.seal import is_sealed
+from station.records.run_record import RECORDING, RunRecord
+from station.records.seal import alterations, is_sealed
 from station.run.way_back.left_behind import collect
 from station.run.way_back.recover import recover, to_be_concluded
 
@@ -50,7 +50,7 @@ def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConcludedRow:
-    """What came of a run that was to be concluded; `error` says why it was not, or why it has no verdict."""
+    """What came of a run that was to be concluded; `error` says why it was not, or why no verdict counts."""
 
     run: str
     outcome: str = FAILED
@@ -65,27 +65,33 @@ def _concluded(run: RunRecord, *, named: bool) -> ConcludedRow | None:
     row = ConcludedRow(run=run.id)
     try:
         if not to_be_concluded(run, again=named):
-            manifest = run.manifest()
-            outcome = CONCLUDED if is_sealed(manifest) else WITHOUT_VERDICT
-            outcome = STILL_RUNNING if manifest.state == "recording" else outcome
-            kept = replace(row, outcome=outcome, state=manifest.state, verdict=manifest.verdict)
-            return kept if named else None
+            return _as_it_is(row, run) if named else None
         row = replace(row, records_brought=recover(run, again=named))
-        manifest = run.manifest()
+        if to_be_concluded(run):
+            return replace(_as_it_is(row, run), outcome=STILL_RUNNING if run.scanning() else OWNED)
+        return _as_it_is(row, run)
     except (StationError, RecipeError, OSError) as error:
         return replace(row, error=" ".join(str(error).split()))
-    if to_be_concluded(run):
-        return replace(row, outcome=STILL_RUNNING if run.scanning() else OWNED)
-    outcome = CONCLUDED if is_sealed(manifest) else WITHOUT_VERDICT
-    why = "" if is_sealed(manifest) else manifest.trouble or ""
-    return replace(row, outcome=outcome, state=manifest.state, verdict=manifest.verdict, error=why)
+
+
+def _as_it_is(row: ConcludedRow, run: RunRecord) -> ConcludedRow:
+    """Return the row with what the run says of itself now; the verdict of an altered record is none."""
+    manifest = run.manifest()
+    if manifest.state == RECORDING:
+        return replace(row, outcome=STILL_RUNNING, state=manifest.state)
+    if not is_sealed(manifest):
+        return replace(row, outcome=WITHOUT_VERDICT, state=manifest.state, error=manifest.trouble or "")
+    if altered := alterations(run):
+        return replace(row, outcome=CONCLUDED, state=manifest.state, error=altered[0])
+    return replace(row, outcome=CONCLUDED, state=manifest.state, verdict=manifest.verdict)
 
 
 def _line(row: ConcludedRow) -> str:
     """Return one run as a line for a person."""
     if row.outcome == CONCLUDED:
         brought = f", {row.records_brought} scans brought from memory" if row.records_brought else ""
-        return f"{row.run}: {row.state}, {row.verdict}{brought}"
+        found = f"no verdict, because the record was altered: {row.error}" if row.error else row.verdict
+        return f"{row.run}: {row.state}, {found}{brought}"
     if row.outcome == STILL_RUNNING:
         return f"run {row.run} is still in progress. Take it over: 'lostmotion resume {row.run}'"
     if row.outcome == OWNED:

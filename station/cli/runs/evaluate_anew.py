@@ -37,7 +37,7 @@ from station.results.evaluation import decision_of, figures_for, method_of, meth
 from station.results.export_origin import Origin, origin_of
 from station.results.judged import judged_by_selection, judged_in
 from station.results.run_analysis import evaluate_run
-from station.results.trace_origin import check_recipe_fits, objections_to_bench
+from station.results.trace_origin import check_recipe_fits, measured_unit, objections_to_bench
 from station.results.unit_hint import in_other_unit, torque_unit_hint
 from station.run.conclusion import NOT_DECIDABLE
 from station.version import version
@@ -184,7 +184,7 @@ def reevaluate(
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
     recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)
     bench = load_bench(bench_file)
-    check_recipe_fits(recipe, recipe_file, load_recipe(own_recipe), run.id)
+    check_recipe_fits(recipe, recipe_file, measured_unit(load_recipe(own_recipe)), run.id)
     other_bench = read_bytes(bench_file) != read_bytes(own_bench)
     reevaluated = selection.made or other_bench or read_bytes(recipe_file) != read_bytes(own_recipe)
     objections = objections_to_bench(recipe, bench, run.day()) if reevaluated else []

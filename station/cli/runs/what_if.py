@@ -20,7 +20,7 @@ from station.records.samples.table import Table
 from station.reports.result_text import limits_text
 from station.results.divergence import Beside, FirstDifference
 from station.results.judged import judged_in
-from station.results.trace_origin import check_recipe_fits
+from station.results.trace_origin import check_recipe_fits, measured_unit
 from station.results.what_if import (
     InterlockChange,
     MetricChange,
@@ -87,7 +87,7 @@ class Question:
         path = find_recipe(name)
         source = Source.read(path)
         recipe = source.recipe()
-        check_recipe_fits(recipe, path, job.recipe, run.id)
+        check_recipe_fits(recipe, path, measured_unit(job.recipe), run.id)
         _check_period(recipe, path, job.recipe, run)
         self._run = run
         self._own = job

@@ -16,7 +16,7 @@ from station.errors import RecordError, StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.run_ring import collect_rings
-from station.records.seal import is_sealed
+from station.records.seal import alterations, is_sealed
 from station.run.way_back.recover import recover, to_be_concluded
 
 NEWEST_LOOKED_AT = 50
@@ -44,14 +44,16 @@ def conclude_own(store: Store, bench: str, say: Say) -> None:
 def _conclude(run: RunRecord, say: Say) -> None:
     try:
         recover(run)
+        altered = alterations(run)
     except (StationError, RecipeError, OSError) as error:
         say(f"run {run.id} cannot be evaluated now: {' '.join(str(error).split())}")
         return
     if not to_be_concluded(run):
         manifest = run.manifest()
+        found = f"no verdict, because the record was altered: {altered[0]}" if altered else manifest.verdict
         say(
             f"run {run.id} was evaluated afterwards, because its supervisor process had ended: {manifest.state}, "
-            f"{manifest.verdict or 'without a verdict'}"
+            f"{found or 'without a verdict'}"
         )
 
 

@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import contextlib
+import hashlib
 import io
 import json
 import re
+from collections.abc import Callable
 from datetime import date
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from lostmotion_command import here
+from run_copies import copy_of
 
 from analysis.torque_ratio.quadrants import QUADRANTS
 from analysis.uncertainty.figures import LineCovariance
@@ -29,6 +33,7 @@ from recipes import (
 from recipes.schema.calibration_schema import QuadrantLine
 from station.cli import app
 from station.errors import StationError
+from station.records.run_record import RunRecord
 from station.results.evaluation import figures_for, method_of
 
 ROOT = Path(__file__).parents[3]
@@ -128,6 +133,68 @@ def test_a_blank_test_needs_a_file_and_a_recipe(dummy: Path, tmp_path: Path) -> 
     ):
         with pytest.raises(StationError, match=told):
             command(*args)
+
+
+def changed(run: RunRecord, name: str, **changes: Any) -> None:
+    """Change entries of a file of a run, and of its checksum: no chain knows the run."""
+    run.write_json(name, run.read_json(name) | changes)
+    if name != "run.json":
+        files = run.read_json("run.json")["files"]
+        content = (run.folder / name).read_bytes()
+        files[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+        run.update(files=files)
+
+
+def altered(run: RunRecord) -> None:
+    with (run.folder / "recipe.yaml").open("ab") as file:
+        file.write(b"\n")
+
+
+def only_simulated(run: RunRecord) -> None:
+    changed(run, "run.json", bench=run.read_json("run.json")["bench"] | {"embedded": False})
+
+
+def with_faults(run: RunRecord) -> None:
+    changed(run, "run.json", scenario="scenarios/late.yaml")
+
+
+def badly_recorded(run: RunRecord) -> None:
+    why = "measurement invalid: missed_periods: 7 of 9 scan periods were missed"
+    changed(run, "result.json", verdict="NOT DECIDABLE", reasons=[why], metrics=[])
+    changed(run, "run.json", verdict="NOT DECIDABLE")
+
+
+@pytest.mark.parametrize("export", [False, True])
+@pytest.mark.parametrize("change", [altered, only_simulated, with_faults, badly_recorded])
+def test_a_run_that_says_nothing_of_its_bench_is_no_block_of_a_bench_file(
+    quick_run: Any, tmp_path: Path, change: Callable[[RunRecord], None], *, export: bool
+) -> None:
+    run = copy_of(quick_run.record, tmp_path)
+    data = ("--data", str(tmp_path))
+    change(run)
+    blank = ("blank", "last", *data)
+    if export:
+        file = tmp_path / "dummy.parquet"
+        here("export", "last", "--format", "parquet", "--out", str(file), *data)
+        blank = ("blank", str(file), "--recipe", str(RECIPE))
+    commands = [blank] if export else [blank, ("calibration", "last", *data)]
+    for one in commands:
+        with pytest.raises(StationError, match="was not used"):
+            command(*one)
+
+
+def test_a_blank_test_that_is_no_reducer_is_used_and_told_of(
+    quick_run: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run, blank = copy_of(quick_run.record, tmp_path), ("blank", "last", "--data", str(tmp_path))
+    quiet = command(*blank)
+    assert "curve:" in quiet
+    assert "WARNING" not in capsys.readouterr().err
+    why = "measurement invalid: loss: the hysteresis loss is too small for a reducer"
+    changed(run, "result.json", verdict="NOT DECIDABLE", reasons=[why], metrics=[])
+    changed(run, "run.json", verdict="NOT DECIDABLE")
+    assert command(*blank) == quiet
+    assert why in capsys.readouterr().err
 
 
 def test_a_measured_torque_ratio_becomes_a_stored_one(quick_run: Any, tmp_path: Path) -> None:

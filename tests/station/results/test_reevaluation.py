@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import pyarrow.parquet as pq
 import pytest
 from lostmotion_command import ROOT, here
 from run_copies import alone
@@ -13,11 +15,12 @@ from run_copies import alone
 from recipes import RecipeError, Selection, load_recipe
 from station.atomic_file import as_json
 from station.cli.runs.analyze import reevaluation_heading
-from station.cli.runs.evaluate_anew import reevaluate
+from station.cli.runs.evaluate_anew import elsewhere, reevaluate
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import seal
+from station.reports.export_of_run import export_run
 
 RECIPE = ROOT / "recipes" / "rv-40e-121-quick.yaml"
 REVISION = load_recipe(str(RECIPE)).recipe.revision
@@ -90,6 +93,21 @@ def test_a_recipe_with_another_ratio_is_refused(failed: RunRecord, tmp_path: Pat
         reevaluate(failed, changed_recipe(tmp_path, ("ratio: 121", "ratio: 151")), None)
 
 
+def test_an_export_is_held_to_the_ratio_and_the_shaft_of_its_run(failed: RunRecord, tmp_path: Path) -> None:
+    path = tmp_path / "run.parquet"
+    export_run(failed, "parquet", path)
+    ratio = changed_recipe(tmp_path, ("ratio: 121", "ratio: 151"))
+    with pytest.raises(StationError, match=r"ratio: found 151; run .*run\.parquet.* with ratio 121"):
+        elsewhere(path, ratio, "virtual")
+    with pytest.raises(StationError, match="the input shaft was loaded"):
+        elsewhere(path, "rv-40e-121-output", None)
+    table = pq.read_table(path)
+    said = json.loads(table.schema.metadata[b"lostmotion"])
+    older = json.dumps({key: value for key, value in said.items() if key not in ("ratio", "loading")})
+    pq.write_table(table.replace_schema_metadata({"lostmotion": older}), path)
+    assert elsewhere(path, ratio, "virtual").reevaluated
+
+
 def test_a_recipe_that_judges_one_side_of_a_metric_is_told_so(failed: RunRecord, tmp_path: Path) -> None:
     one = changed_recipe(tmp_path, ("{id: spring_constant,", '{id: spring_constant, side: "-",'))
     shown = here("analyze", str(failed.folder), "--recipe", one).out
@@ -99,7 +117,8 @@ def test_a_recipe_that_judges_one_side_of_a_metric_is_told_so(failed: RunRecord,
 
 CURVE = """  curve:
     {id: old, made: 2019-01-01, due: 2020-01-01, angles: both,
-     points: [{torque: -500 N·m, deflection: -4 arcmin}, {torque: 500 N·m, deflection: 4 arcmin}]}
+     points: [{torque: -500 N·m, deflection: -0.05 arcmin},
+              {torque: 500 N·m, deflection: 0.05 arcmin}]}
 """
 
 

@@ -23,7 +23,8 @@ decision:
   rule: """
 CURVE = """  curve:
     {id: old, made: 2019-01-01, due: 2020-01-01, angles: both,
-     points: [{torque: -500 N·m, deflection: -4 arcmin}, {torque: 500 N·m, deflection: 4 arcmin}]}
+     points: [{torque: -500 N·m, deflection: -0.05 arcmin},
+              {torque: 500 N·m, deflection: 0.05 arcmin}]}
 """
 
 

@@ -161,6 +161,21 @@ def test_a_scan_process_lost_after_its_last_record_is_never_a_pass(copied: RunRe
     assert sum("the scan process was lost" in reason for reason in result["reasons"]) == 1
 
 
+@pytest.mark.parametrize("cut", [False, True])
+def test_a_scan_that_was_lost_by_the_scan_clock_has_its_loss_for_a_reason_and_no_other(
+    copied: RunRecord, *, cut: bool
+) -> None:
+    copied.update(clock="scan")
+    content = as_recorded(copied)
+    kept = 5_000 if cut else len(content) // RECORD_BYTES
+    copied.samples.write_bytes(content[: kept * RECORD_BYTES])
+    trouble = "the scan process was lost (killed by SIGKILL)"
+    result = again(copied, written=kept, trouble=trouble)
+    assert (result["state"], result["verdict"]) == ("interrupted" if cut else "complete", "NOT DECIDABLE")
+    assert all(trouble in reason for reason in result["reasons"])
+    assert any("scan clock" in reason for reason in again(copied, written=kept)["reasons"])
+
+
 def test_too_many_missed_periods_invalidate_the_measurement(
     copied: RunRecord,
     monkeypatch: pytest.MonkeyPatch,

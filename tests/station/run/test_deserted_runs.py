@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from lostmotion_command import here
 from run_copies import copy_of, desert
 from run_samples import records_of
 
@@ -177,3 +179,39 @@ def test_a_recovery_that_is_killed_before_the_seal_leaves_the_ring_to_the_next(
     assert "3 records were lost" in " ".join(result["reasons"])
     assert not path.exists()
     assert copied.manifest().ring is None
+
+
+@pytest.mark.parametrize("manifest_too", [False, True])
+@pytest.mark.parametrize("part", ["recipe", "bench"])
+def test_by_a_file_that_was_altered_before_the_conclusion_nothing_is_judged_or_told(
+    quick_run: Any, tmp_path: Path, part: str, *, manifest_too: bool
+) -> None:
+    record = RunRecord(quick_run.copy(tmp_path / "runs"))
+    report = {"state": "finished", "written": record.records(), "lost": 0, "realtime": {"details": {}}}
+    desert(record, ring=tmp_path / "gone", report=report)
+    file = record.folder / f"{part}.yaml"
+    file.write_bytes(file.read_bytes() + b"# another limit\n")
+    if manifest_too:  # then only the line that begins the run knows better
+        said = record.read_json("run.json")
+        said[part]["sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
+        record.write_json("run.json", said)
+    ran = here("conclude", record.id, "--data", str(record.folder.parent), "--json")
+    (row,) = ran.json["runs"]
+    assert (row["outcome"], row["verdict"]) == ("concluded", None)
+    assert row["error"]
+    assert "PASS" not in here("conclude", record.id, "--data", str(record.folder.parent)).out
+    result = record.read_json("result.json")
+    assert (result["state"], result["verdict"], result["metrics"]) == ("complete", "NOT DECIDABLE", [])
+    assert record.manifest().verdict == "NOT DECIDABLE"
+    assert "the record was altered" in result["reasons"][0]
+
+
+def test_run_json_that_names_another_recipe_than_its_line_in_the_chain_is_altered(
+    quick_run: Any, tmp_path: Path
+) -> None:
+    record = RunRecord(quick_run.copy(tmp_path / "runs"))
+    assert alterations(record) == ()
+    said = record.read_json("run.json")
+    said["recipe"]["sha256"] = "0" * 64
+    record.write_json("run.json", said)
+    assert any("names another recipe" in one for one in alterations(record))

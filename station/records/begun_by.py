@@ -1,0 +1,46 @@
+"""By which recipe and bench a run was begun: their SHA-256 in run.json, and in the signed line that begins the run.
+
+Until a run is concluded anybody can change its files, and run.json with them; the line in the chain stays as it is.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from station.documents.manifest import MANIFEST, Manifest
+from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.entries import CREATED, Entry
+
+
+class BegunBy(NamedTuple):
+    """SHA-256 of the recipe and of the bench file of a run; None for one that is not there."""
+
+    recipe: str | None
+    bench: str | None
+
+
+def beginning_of(chain: Chain, run: str) -> Entry | None:
+    """Return the signed line that begins a run; None where there is none."""
+    return next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
+
+
+def not_begun_by(manifest: Manifest, found: BegunBy) -> list[str]:
+    """Return which of recipe and bench is not the one of run.json, as `<file>: <how>`."""
+    return [
+        f"{part}.yaml: is not the {part} that the run was started with"
+        for part, own, kept in zip(BegunBy._fields, found, _said(manifest), strict=True)
+        if own != kept
+    ]
+
+
+def unlike_its_line(manifest: Manifest, created: Entry) -> list[str]:
+    """Return where run.json names another recipe or bench than the line that begins the run, as `<file>: <how>`."""
+    return [
+        f"{MANIFEST}: names another {part} than the entry of {CHAIN} that begins this run"
+        for part, own in zip(BegunBy._fields, _said(manifest), strict=True)
+        if own != created.fields[part]
+    ]
+
+
+def _said(manifest: Manifest) -> BegunBy:
+    return BegunBy(manifest.recipe.sha256, manifest.bench.sha256)

@@ -84,7 +84,8 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
     if master is None:
-        notes = [*setup.notes, *(one.text for one in master_parts(store, job.bench, WALL_CLOCK.now()))]
+        checked = master_parts(store, job.bench, WALL_CLOCK.now(), job.product)
+        notes = [*setup.notes, *(one.text for one in checked)]
         setup = replace(setup, notes=tuple(notes))
     record = store.create(wanted.serial, setup, files, own=True)
     if store.warnings:

@@ -295,7 +295,7 @@ def _bench_recovered(one: Situation) -> str | None:
 def _master_parts(one: Situation) -> str | None:
     if one.job is None or one.is_master_part:
         return None
-    checked = master_parts(Store(one.data), one.job.bench, WALL_CLOCK.now())
+    checked = master_parts(Store(one.data), one.job.bench, WALL_CLOCK.now(), one.job.product)
     bad = [part.text.removeprefix(MASTER) for part in checked if not part.in_order]
     if not bad:
         return None

@@ -14,6 +14,9 @@ from datetime import UTC, datetime, timedelta
 SEEN_FROM_S = 0.5
 """Smallest jump that is told: a clock that is steered by 500 ppm at most does not come so far in a quarter hour."""
 
+SLACK = timedelta(minutes=2)
+"""By which what was written last may be in the future: two computers, or a clock that was just set."""
+
 
 class WallClock:
     """Time of day, in UTC."""

@@ -55,6 +55,7 @@ from station.bench.measuring import (
 )
 from station.documents.commissioning import StepDone
 from station.errors import StationError
+from station.records.master_parts import ProductRecipe, product_recipe
 from station.records.run_record import BENCH_COPY, PROFILES, RECIPE_COPY, RunRecord
 from station.there import is_file, is_folder
 
@@ -105,6 +106,11 @@ class Job:
     def program(self) -> Program:
         """What the controller steps through."""
         return compile_program(self.recipe, self.bench)
+
+    @property
+    def product(self) -> ProductRecipe:
+        """Whom the master parts of the bench are to speak for."""
+        return product_recipe(self.recipe, self.recipe_source.sha256)
 
     @property
     def warnings(self) -> list[str]:

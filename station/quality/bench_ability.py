@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -15,7 +16,7 @@ from recipes.text.yaml_source import read_bytes
 from station.counted import counted
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.master_parts import master_parts
+from station.records.master_parts import ProductRecipe, master_parts
 from station.records.run_record import RECIPE_COPY, RunRecord
 from station.store.quality.lot import Production
 from station.store.quality.values import Characteristic, metrics_of_run, one_of, part_runs, values_of_part
@@ -182,10 +183,16 @@ class Due:
     text: str
 
 
-def due_on(store: Store, bench: Bench, now: datetime) -> tuple[Due, ...]:
-    """Return what is due on a bench: master parts, stored torque ratios, the blank test of its fixture."""
+def due_on(
+    store: Store, bench: Bench, now: datetime, products: Iterable[ProductRecipe | None] = (None,)
+) -> tuple[Due, ...]:
+    """Return what is due on a bench: master parts, stored torque ratios, the blank test of its fixture.
+
+    products: recipes that the master parts are to speak for; without one, by a released recipe they were measured.
+    """
     name = bench.bench.name
-    found = [Due(name, "master part", one.in_order, one.text) for one in master_parts(store, bench, now)]
+    checked = (part for one in products for part in master_parts(store, bench, now, one))
+    found = list(dict.fromkeys(Due(name, "master part", one.in_order, one.text) for one in checked))
     dated = [("torque ratio", f"{one.id} for {one.model}", one.due) for one in bench.calibrations]
     curve = bench.fixture.curve
     dated += [] if curve is None else [("blank test of the fixture", curve.id, curve.due)]

@@ -76,11 +76,11 @@ def check_reason(text: str) -> str:
     return text.strip()
 
 
-def check_note(text: str) -> str:
+def check_note(text: str, option: str = "--note") -> str:
     """Return a note for the record as it may be stored; StationError as `check_operator`."""
     if not text.strip() or len(text) > LONGEST_NOTE or not text.isprintable():
         allowed = f"1 to {LONGEST_NOTE} printable characters"
-        raise StationError(f"--note: found {text[:40]!r}; allowed are {allowed}")
+        raise StationError(f"{option}: found {text[:40]!r}; allowed are {allowed}")
     return text.strip()
 
 
@@ -126,12 +126,14 @@ class Store:
         self.warnings: list[str] = []
         """What was noticed of the chain when a run was created."""
 
-    def create(self, serial: str, setup: Setup, files: dict[str, bytes], *, own: bool = False) -> RunRecord:
+    def create(
+        self, serial: str, setup: Setup, files: dict[str, bytes], *, own: bool = False, clock_right: str = ""
+    ) -> RunRecord:
         """Create the folder of a new run with its manifest and the files that are known before it starts.
 
         The run has all these files, and its line in the chain, before anybody can see it: a process that is killed on
         the way leaves either no run, or one that can be concluded. With `own` this process owns it by then, until the
-        lock is released or the process ends.
+        lock is released or the process ends. clock_right: why the clock is right, where entries of the chain are later.
 
         Raises:
             RecordError: the folder or its chain cannot be written, this computer has no key to sign with, or the
@@ -176,7 +178,7 @@ class Store:
                     desk=RunningProcess(pid=os.getpid(), birth=process_birth(os.getpid())),
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
-                parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256}
+                parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256, "clock_right": clock_right}
                 chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings

@@ -178,6 +178,12 @@ def _check_words(check: CheckValue) -> str:
     return f"{text}: {figure_text(check.figure, unit)}, limit {figure_text(check.limit, unit)}"
 
 
+def other_notes(result: Result) -> tuple[str, ...]:
+    """Return the notes of a result that no stage says."""
+    said = {stage.text for stage in result.stages}
+    return tuple(note for note in result.notes if note not in said)
+
+
 def stage_rows(stages: Sequence[StageRow]) -> tuple[Row, ...]:
     """Return what each stage of the evaluation did, in words and figures."""
     rows = []

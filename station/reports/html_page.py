@@ -15,7 +15,7 @@ from station.documents.events import EventRow
 from station.documents.manifest import Manifest, attempt_text
 from station.documents.result import MetricValue, Result
 from station.reports.budget_rows import BUDGET_HEADS
-from station.reports.content import CHECK_HEADS, FAILED, LOOP_CSV, Content, uncertainty_kind
+from station.reports.content import CHECK_HEADS, FAILED, LOOP_CSV, Content, other_notes, uncertainty_kind
 from station.reports.headline import badges, headline, how_it_ended, remaining_reasons, virtual_unit
 from station.reports.metric_sides import side_rows
 from station.reports.result_notes import one_sided, within_uncertainty
@@ -192,6 +192,7 @@ def report_html(
             attempt=attempt_text(result.attempt or run.attempt, run.before, run.retest_reason),
             reasons=remaining_reasons(result),
             content=content,
+            notes=other_notes(result),
             certificate=certificate,
             code=base64.b64encode(code_svg(certificate.code)).decode() if certificate else "",
             data={name: base64.b64encode(part).decode() for name, part in data.items()},

@@ -14,7 +14,7 @@ from definitions.metrics import SIDED
 from definitions.protections import MISSING
 from station.documents.manifest import MASTER
 from station.documents.result import MetricValue, Result
-from station.reports.content import check_title, checks_line, open_line, shown_checks, uncertainty_kind
+from station.reports.content import check_title, checks_line, open_line, other_notes, shown_checks, uncertainty_kind
 from station.reports.metric_sides import on_side
 from station.reports.result_text import figure_text, limits_text, metric_name, number, uncertainty_text
 
@@ -39,8 +39,7 @@ FULL_GUARD = Decision("guard_band", 1.0)
 def note_lines(result: Result) -> list[str]:
     """Return the notes that a person should see: warnings of the run, and corrections that were applied."""
     stages = result.stages
-    said = {stage.text for stage in stages}
-    notes = [note for note in result.notes if note not in said]
+    notes = list(other_notes(result))
     if not stages:
         notes = [note for note in notes if note.startswith(RECIPE_NOTE)]
     applied = [stage for stage in stages if stage.applied]

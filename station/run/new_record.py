@@ -20,7 +20,7 @@ from station.wall_clock import WALL_CLOCK
 class Wanted(NamedTuple):
     """What was asked for beside recipe and bench; unit is that of the virtual bench, None on a real one.
 
-    clock: one of `CLOCKS`.
+    clock: one of `CLOCKS`. clock_right: why the computer's clock is right, where entries of the chain are later.
     """
 
     serial: str
@@ -30,6 +30,7 @@ class Wanted(NamedTuple):
     clock: str
     retest_reason: str | None = None
     study: StudyPlace | None = None
+    clock_right: str = ""
 
 
 def bench_source(job: Job) -> BenchSource:
@@ -84,9 +85,10 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
     if master is None:
-        notes = [*setup.notes, *(one.text for one in master_parts(store, job.bench, WALL_CLOCK.now()))]
+        checked = master_parts(store, job.bench, WALL_CLOCK.now(), job.product)
+        notes = [*setup.notes, *(one.text for one in checked)]
         setup = replace(setup, notes=tuple(notes))
-    record = store.create(wanted.serial, setup, files, own=True)
+    record = store.create(wanted.serial, setup, files, own=True, clock_right=wanted.clock_right)
     if store.warnings:
         record.update(notes=[*setup.notes, *store.warnings])
     record.write_json(PROGRAM, plain_program(job.program))

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from station.bench.request import Job, load_job
 from station.documents.manifest import MASTER, EarlierAttempt
 from station.errors import StationError
 from station.quality.guided.progress import look, place_of
+from station.records.clock_behind import ClockBehind, clock_behind
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
 from station.records.revisions.history import History
@@ -31,11 +32,11 @@ from station.web.bad_units import Bad, bad_unit_of
 from station.web.mes.previous_step import FAILED, PASSED, PreviousStep
 from station.web.models import Model, Models
 
+CLOCK = "clock_plausible"
+"""Id of the condition whose bypass says that the clock is right."""
+
 EARLIEST = datetime(2025, 1, 1, tzinfo=UTC)
 """A clock before this has lost its battery."""
-
-SLACK = timedelta(minutes=2)
-"""By which the newest run may be in the future: two computers, or a clock that was just set."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +59,8 @@ class Situation:
     release: the released revision that the recipe is, letter by letter; None where its text is not released.
     previous_step: what the MES says of the unit; None where the plant has set up no MES.
     label: which label is not on its unit yet, in words; '' where none is awaited.
-    newest: run of the folder; last: the newest run on the unit's own bench, whatever other benches did since.
+    behind: by what the computer's clock is behind; None where it is not.
+    last: the newest run on the unit's own bench, whatever other benches did since.
     study: why it is not the next step of the study that is asked for, in words; '' where it is, or none is asked for.
     """
 
@@ -70,7 +72,7 @@ class Situation:
     release: Revision | None
     busy: bool
     before: tuple[EarlierAttempt, ...]
-    newest: RunRecord | None
+    behind: ClockBehind | None
     bad: Bad | None
     previous_step: PreviousStep | None = None
     scanner_tested: bool = True
@@ -128,11 +130,10 @@ def situation_of(
             why = str(error)
     store = Store(data)
     before = store.attempts_of(wanted.serial)
-    newest = next(reversed(store.newest(1)), None)
     bad = bad_unit_of(data, confirmed)
     study = "" if not wanted.study or job is None else _why_not_next(data, wanted, job)
     return Situation(
-        data, wanted, model, job, why, release, busy, before, newest, bad, previous_step, scanner_tested,
+        data, wanted, model, job, why, release, busy, before, clock_behind(data), bad, previous_step, scanner_tested,
         jogging=jog_is_on(data), label=label, study=study,
         last=None if job is None or job.bench.bench.embedded else last_run_of(data, job),
     )  # fmt: skip
@@ -295,7 +296,7 @@ def _bench_recovered(one: Situation) -> str | None:
 def _master_parts(one: Situation) -> str | None:
     if one.job is None or one.is_master_part:
         return None
-    checked = master_parts(Store(one.data), one.job.bench, WALL_CLOCK.now())
+    checked = master_parts(Store(one.data), one.job.bench, WALL_CLOCK.now(), one.job.product)
     bad = [part.text.removeprefix(MASTER) for part in checked if not part.in_order]
     if not bad:
         return None
@@ -313,16 +314,12 @@ def _room_on_disk(one: Situation) -> str | None:
 
 
 def _clock_plausible(one: Situation) -> str | None:
+    to_do = "Call the technician to set the clock."
+    if one.behind is not None:
+        return f"{one.behind.found[0].upper()}{one.behind.found[1:]}. {to_do}"
     now = WALL_CLOCK.now()
-    try:
-        newest = None if one.newest is None else datetime.fromisoformat(one.newest.manifest().started)
-    except (StationError, ValueError):
-        newest = None
-    if now < EARLIEST or (newest is not None and newest > now + SLACK):
-        return (
-            f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before the newest run. Call the technician "
-            "to set the clock."
-        )
+    if now < EARLIEST:
+        return f"The computer's clock says {now:%Y-%m-%d %H:%M} UTC, which is before this program was made. {to_do}"
     return None
 
 
@@ -363,6 +360,6 @@ CONDITIONS: tuple[Condition, ...] = (
         may_be_bypassed=True,
     ),
     Condition("room_on_disk", "there is room on the disk for the record", _room_on_disk),
-    Condition("clock_plausible", "the computer's clock is plausible", _clock_plausible, may_be_bypassed=True),
+    Condition(CLOCK, "the computer's clock is plausible", _clock_plausible, may_be_bypassed=True),
 )
 """Conditions of a start. What keeps hands and bench safe, or says what a unit is, nobody can set aside."""

@@ -21,7 +21,7 @@ from station.run.way_back.recoveries import recoveries
 def on_a_cable(job: object) -> SimpleNamespace:
     header = SimpleNamespace(embedded=False)
     bench = SimpleNamespace(bench=header, master_parts=(), master_part=lambda _serial: None)
-    return SimpleNamespace(bench=bench, program=job.program)
+    return SimpleNamespace(bench=bench, program=job.program, product=None)
 
 
 def ended(data: Path, serial: str, verdict: str | None = "PASS", state: str = "complete", setup: Setup = SETUP) -> str:

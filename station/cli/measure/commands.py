@@ -78,6 +78,14 @@ def run(
     note: Annotated[
         list[str] | None, typer.Option("--note", metavar="TEXT", help="A note for record and report; repeatable.")
     ] = None,
+    clock_is_right: Annotated[
+        str | None,
+        typer.Option(
+            "--clock-is-right",
+            metavar="REASON",
+            help="Why the computer's clock is right, though the data folder has later entries. Needed once.",
+        ),
+    ] = None,
     study: Annotated[
         str | None,
         typer.Option(
@@ -117,6 +125,7 @@ def run(
         report=report,
         retest_reason=retest_reason,
         notes=tuple(note or ()),
+        clock_is_right=clock_is_right,
         study=study,
         wall_clock=wall_clock,
         fast=pace is Pace.fast,

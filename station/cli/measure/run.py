@@ -11,7 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from recipes import Recipe
+from recipes import Recipe, out_of_date
 from station.bench.request import Job, Source, load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.documents.entries import plain
@@ -20,6 +20,7 @@ from station.documents.result import Result
 from station.errors import BenchFaultError, RecordError, StationError
 from station.log import open_log
 from station.records.chain.keys import own_key
+from station.records.clock_behind import SAY_SO, ClockBehind, clock_behind
 from station.records.clocks import SCAN, VIRTUAL, Pacing
 from station.records.data_folder import Store, check_note, check_operator, check_reason, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
@@ -71,6 +72,8 @@ class Options:
     """Why a unit is measured again; it stands in the record."""
     notes: tuple[str, ...] = ()
     """What else is to stand in record and report, such as a start condition that was bypassed."""
+    clock_is_right: str | None = None
+    """Why the computer's clock is right, though entries of the chain are later; it stands in record and chain."""
     fast: bool = False
     """Whether scans follow each other without waiting for deadlines, on a bench that waits for them."""
     study: str | None = None
@@ -97,7 +100,8 @@ def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
         check_serial(options.serial)
     operator = None if options.operator is None else check_operator(options.operator)
     reason = None if options.retest_reason is None else check_reason(options.retest_reason)
-    options = dataclasses.replace(options, operator=operator, retest_reason=reason)
+    right = None if options.clock_is_right is None else check_note(options.clock_is_right, "--clock-is-right")
+    options = dataclasses.replace(options, operator=operator, retest_reason=reason, clock_is_right=right)
     job = load_job(options.recipe, options.bench)
     _refuse_another(options.judged, job)
     if not options.virtual_time and job.no_automatic_run:
@@ -109,9 +113,12 @@ def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
     _check_key(job)
     _put_in_order(Store(options.data), job)
     study = None if options.study is None else _study_step(options, serial, scenario, job)
-    notes = [*(check_note(one) for one in options.notes), *recipe_notes(options.data, job)]
+    behind = clock_behind(options.data)
+    notes = [*(check_note(one) for one in options.notes), *_clock_notes(behind, options.clock_is_right, job)]
+    notes += recipe_notes(options.data, job)
     notes += [] if study is None else [f"{study}: not production"]
-    wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, _reason(options, serial, study), study)
+    reason, clock_right = _reason(options, serial, study), options.clock_is_right if behind is not None else None
+    wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, reason, study, clock_right or "")
     record = new_record(options.data, job, wanted, notes=notes)
     for note in record.manifest().notes:
         sys.stderr.write(f"WARNING  {note}\n")
@@ -160,6 +167,25 @@ def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None,
     if shown is None and not as_json:
         sys.stdout.write(f"report  lostmotion report {record.folder}\n")
     return exit_code(result)
+
+
+def _clock_notes(behind: ClockBehind | None, right: str | None, job: Job) -> list[str]:
+    """Return what a run notes of a clock that is behind; right: why it is right, where somebody says so.
+
+    Raises:
+        StationError: nobody says so, and by the later time something that the run measures by is out of date.
+
+    """
+    if behind is None:
+        return []
+    if right is not None:
+        return [behind.right(right)]
+    if late := out_of_date(job.recipe, job.bench, behind.at.date()):
+        raise StationError(
+            f"{behind.found}. By the later time: {'; '.join(late)}. Set the clock, or measure again what is out of "
+            f"date. If the clock is right now, run once with {SAY_SO}; the record keeps it"
+        )
+    return [behind.note]
 
 
 def _study_step(options: Options, serial: str, scenario: Source | None, job: Job) -> StudyPlace:

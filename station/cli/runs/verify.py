@@ -124,6 +124,7 @@ class CheckedFolder:
     passed: bool
     warning: str | None
     problems: tuple[Mapping[str, str], ...]
+    time_runs_back: tuple[str, ...]
     recoveries: CheckedFolder | None = left_out()
     jogs: CheckedFolder | None = left_out()
 
@@ -141,6 +142,7 @@ def _checked(folder: Path, one: Verified) -> CheckedFolder:
         passed=not one.problems,
         warning=one.trust.warning or None,
         problems=tuple(problem.as_json() for problem in one.problems),
+        time_runs_back=tuple(one.walk.back),
     )
 
 
@@ -163,6 +165,9 @@ def _lines(folder: Path, one: Verified) -> list[str]:
         lines += [f"    {action}"] if texts else []
     if one.trust.warning:
         lines.append(f"  note: {one.trust.warning}")
+    back = one.walk.back
+    lines += [f"  note: {text}" for text in back[:MOST_OF_A_KIND]]
+    lines += [f"  ... and {len(back) - MOST_OF_A_KIND} more notes of this kind"] if len(back) > MOST_OF_A_KIND else []
     count = len(one.problems)
     return [*lines, "passed" if not count else f"NOT PASSED: {count} {'problem' if count == 1 else 'problems'}"]
 

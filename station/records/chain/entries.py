@@ -32,6 +32,7 @@ from __future__ import annotations
 import hashlib
 import json
 from dataclasses import dataclass
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any
 
@@ -57,6 +58,12 @@ FIELDS: dict[str, tuple[str, ...]] = {
 }
 """What an entry of each kind has, beside what every entry has."""
 
+LEFT_OUT: dict[str, tuple[str, ...]] = {CREATED: ("clock_right",)}
+"""What an entry of a kind has where there is something to say.
+
+clock_right: why the clock is right, though entries before this one are later. Of them none counts as later behind it.
+"""
+
 _TEXTS = (
     "kind",
     "time",
@@ -73,6 +80,7 @@ _TEXTS = (
     "name",
     "person",
     "reason",
+    "clock_right",
     "rule",
     "trace",
 )
@@ -82,6 +90,8 @@ _REPLACES: dict[str, type] = {"chain": str, "counter": int, "sha256": str}
 
 LONGEST_NAME = 255
 """Bytes of the name of a folder: what a file system takes."""
+
+NO_TIME = datetime.min.replace(tzinfo=UTC)
 
 Fields = dict[str, Any]
 """An entry's fields as they stand in its line: what a later version wrote is signed and hashed as it was."""
@@ -113,6 +123,15 @@ class Entry:
         """Public key that it names as that of its signature."""
         return str(self.fields["key"])
 
+    @property
+    def at(self) -> datetime:
+        """When it was written; the first moment of all where its time is none."""
+        try:
+            found = datetime.fromisoformat(str(self.fields["time"]))
+            return NO_TIME if found.tzinfo is None else found.astimezone(UTC)
+        except (ValueError, OverflowError):
+            return NO_TIME
+
     @cached_property
     def sha256(self) -> str:
         """Hash of the line, which the next entry holds."""
@@ -128,6 +147,7 @@ class Entry:
 def signed_entry(kind: str, counter: int, previous: str, time: str, key: BenchKey, **fields: Any) -> Entry:
     """Return a new entry, signed; `fields` are those of its kind."""
     row = {"kind": kind, "counter": counter} | {name: fields[name] for name in FIELDS[kind]}
+    row |= {name: fields[name] for name in LEFT_OUT.get(kind, ()) if fields.get(name)}
     row |= {"time": time, "previous": previous, "key": key.public}
     content = json.dumps(row, ensure_ascii=False, separators=(",", ":"), allow_nan=False).encode()
     signature = key.sign(content)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from datetime import UTC, datetime
 from pathlib import Path
 
 from station.records.chain.blocks import blocks, line_at, lines_with
@@ -19,6 +20,8 @@ FIRST_BYTES = 1 << 18
 
 TIMES_LARGER = 16
 _BENCH = re.compile(rb',"bench":"([^"]*)"')
+_CLOCK = re.compile(rb',"clock_right":|,"time":"([^"]*)"')
+"""No text in a line can hold either: there, quotes are escaped."""
 
 
 class ChainEnd:
@@ -118,6 +121,26 @@ def last_begun_on_each_bench(data: Path) -> dict[str, str]:
         elif begun := begun_on_bench(data, sha256.decode()):  # before a line that says nothing
             found[sha256.decode()] = begun[-1]
     return found
+
+
+def latest_after(data: Path, moment: datetime) -> Entry | None:
+    """Return the entry with the latest time that counts, where it is later than a moment; RecordError as above.
+
+    Only entries behind the last one that was written with the word that the clock is right.
+    """
+    limit, later = moment.astimezone(UTC).isoformat(timespec="milliseconds").encode(), list[bytes]()
+    keys: frozenset[str] | None = None
+    for block, length in blocks(data / CHAIN):
+        for found in _CLOCK.finditer(block, 0, length):
+            if found[1] is None and later:
+                keys = trust_of(Chain(data)).keys if keys is None else keys
+                entry = entry_of(line_at(block, found.start()))
+                later = [] if entry is not None and _counts(entry, keys) else later
+            elif found[1] is not None and found[1] > limit:
+                later.append(line_at(block, found.start()))
+    entries = sorted((one for line in later if (one := entry_of(line)) is not None), key=lambda one: one.at)
+    keys = trust_of(Chain(data)).keys if entries and keys is None else keys or frozenset()
+    return next((one for one in reversed(entries) if one.at > moment and _counts(one, keys)), None)
 
 
 def begun_on_bench(data: Path, sha256: str) -> list[str]:

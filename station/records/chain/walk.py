@@ -16,6 +16,7 @@ from station.records.chain.entries import CREATED, LOST, REMOVED, SEALED, START,
 from station.records.chain.head import chain_seen_in, head_of, heads_of
 from station.records.chain.keys import FOLDER_KEYS, keys_in, own_public_key, trusted_by_person
 from station.records.chain.problems import Problem
+from station.wall_clock import SLACK
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,8 @@ class Walk:
     sealed: dict[str, list[Entry]] = field(default_factory=dict)
     removed: dict[str, Entry] = field(default_factory=dict)
     problems: list[Problem] = field(default_factory=list)
+    back: list[str] = field(default_factory=list)
+    """Where the time of the entries runs back, in words: no problem, but a clock that was set back or was wrong."""
     keys: Counter[str] = field(default_factory=Counter)
     entries: int = 0
 
@@ -62,6 +65,7 @@ def walk(
     content, at = chain.content, found.place.offset
     last, aside = Last(found.place.counter, found.place.sha256), None
     keys = trust_of(chain).keys if trusted is None else trusted
+    newest: Entry | None = None
     while (end := content.find(b"\n", at, end_at)) >= 0:
         line, begin_at = content[at:end], at
         at = end + 1
@@ -84,7 +88,9 @@ def walk(
         _take(found, entry)
         repeats = bool(wrong) and entry.kind != LOST and entry.counter <= last.counter
         if (entry.key in keys and not repeats) or not (wrong or entry.kind == LOST):
-            last, aside = this, None
+            if newest is not None and newest.at - entry.at > SLACK:
+                found.back.append(_runs_back(entry, newest))
+            last, aside, newest = this, None, entry
         else:
             aside = this
     found.place = Place(at, last.counter, last.sha256)
@@ -119,6 +125,14 @@ def _take(found: Walk, entry: Entry) -> None:
 def _about(entry: Entry) -> str:
     run = entry.fields.get("run")
     return f"{entry.kind} {run}" if run else entry.kind
+
+
+def _runs_back(entry: Entry, newest: Entry) -> str:
+    before = f"entry {newest.counter} ({_about(newest)}) before it is of {newest.fields['time']}"
+    return (
+        f"{CHAIN}: entry {entry.counter} ({_about(entry)}) is of {entry.fields['time']}, and {before}: the clock was "
+        "set back, or was wrong until then"
+    )
 
 
 def _link_problems(entry: Entry, last: Last) -> list[Problem]:

@@ -11,7 +11,7 @@ from station.documents.manifest import Manifest
 from station.documents.result import Result
 from station.records.clocks import CLOCK_TEXTS, SCAN, WALL, clock_of
 from station.reports.budget_rows import BUDGET_HEADS, BudgetTable
-from station.reports.content import Content
+from station.reports.content import Content, other_notes
 from station.reports.headline import virtual_unit
 from station.reports.pdf_pages.layout import grid, heading, paragraph, picture, section
 from station.reports.result_text import software_rows
@@ -41,8 +41,7 @@ def evaluation_parts(result: Result, content: Content, pictures: dict[str, bytes
     if content.stages:
         rows = [(name, "\n".join(part for part in (text, figures) if part)) for name, text, figures in content.stages]
         parts.append(grid(("stage", "what it did"), rows, (30, 130)))
-    else:
-        parts += [paragraph(f"• {note}") for note in result.notes]
+    parts += [paragraph(f"• {note}") for note in other_notes(result)]
     if content.method or content.fits:
         parts += [Spacer(1, 4), grid(("", ""), [*content.method, *content.fits], (45, 115))]
     if content.lines:

@@ -27,7 +27,7 @@ from station.web.bypasses import bypasses_now
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.people.accounts import MES
 from station.web.people.database import CONFIRMED
-from station.web.permission import Situation, Wanted, refusals, situation_of, unverified_note
+from station.web.permission import CLOCK, Situation, Wanted, refusals, situation_of, unverified_note
 from station.web.running import STARTING
 from station.web.scanner import serial_of
 from station.web.scanner_test import is_tested, keep_test, misread
@@ -51,6 +51,9 @@ def start_run(call: Call, given: Start) -> RunStarted:
         options += ["--note", note]
     if "previous_step_passed" not in used and (unverified := unverified_note(now)) is not None:
         options += ["--note", unverified]
+    for one in bypasses:
+        if one.condition == CLOCK and CLOCK in used:  # what is later in the chain is set aside for good
+            options += [f"--clock-is-right={one.reason}"]
     options += ["--study", given.study] if given.study else []
     options += ["--retest-reason", given.retest_reason] if given.retest_reason.strip() else []
     station.running.start(options, serial, now.likely)

@@ -37,7 +37,7 @@ def due_on(data: Path, models: Models, now: datetime) -> tuple[Due, ...]:
     now: a moment with its time zone.
     """
     rows: list[Due] = []
-    seen: set[str] = set()
+    seen: set[str | tuple[str, str]] = set()
     history = History(data)
     for model in models.models:
         try:
@@ -45,14 +45,14 @@ def due_on(data: Path, models: Models, now: datetime) -> tuple[Due, ...]:
         except (RecipeError, StationError) as error:
             rows.append(Due(model.bench or model.recipe, f"model {model.model}", str(error), overdue=True))
             continue
-        if job.bench_source.sha256 in seen:
-            continue
-        seen.add(job.bench_source.sha256)
-        rows += _of_bench(job.bench, now.date())
-        for part in master_parts(Store(data), job.bench, now):
+        bench, recipe = job.bench_source.sha256, job.recipe_source.sha256
+        rows += _of_bench(job.bench, now.date()) if bench not in seen else ()
+        for part in master_parts(Store(data), job.bench, now, job.product) if (bench, recipe) not in seen else ():
             text = part.text.removeprefix(f"{MASTER}{part.serial} ")
             rows.append(Due(job.bench.bench.name, f"{MASTER}{part.serial}", text, overdue=not part.in_order))
-    return tuple(sorted(rows, key=lambda row: (not row.overdue, not row.soon)))
+        seen |= {bench, (bench, recipe)}
+    # A part may speak for the recipe of one model, and be wanted for another one: each of both once.
+    return tuple(sorted(dict.fromkeys(rows), key=lambda row: (not row.overdue, not row.soon)))
 
 
 def _of_bench(bench: Bench, today: date) -> Iterator[Due]:

@@ -35,6 +35,15 @@ def test_a_fault_heads_the_report_and_it_says_how_the_bench_was_left() -> None:
     assert text.count("First cause:") == 1
 
 
+def test_notes_that_no_stage_says_are_in_the_report_beside_the_stages() -> None:
+    """As that a start condition was bypassed, a master part was not in order, the clock was behind."""
+    stages = [{"stage": "drift", "text": "drift taken out", "applied": True}]
+    for there in (stages, []):
+        text = page(notes=["drift taken out", "MASTER-1 was never measured"], stages=there)
+        assert text.count("<li>MASTER-1 was never measured</li>") == 1
+        assert text.count("<li>drift taken out</li>") == (not there), "stages are not said twice"
+
+
 def test_a_bench_that_did_not_open_has_a_bullet_per_device_and_no_timing() -> None:
     text = page(
         state="fault", verdict="NOT DECIDABLE", reasons=["drive: silent\nbrake: silent"], timing=timing(scans=0)

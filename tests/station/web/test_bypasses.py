@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -10,9 +11,10 @@ from station_support import client_of
 
 from station.records.data_folder import Store, check_note
 from station.records.seal import seal
+from station.wall_clock import WALL_CLOCK
 from station.web.bypasses import ALLOWED, bypasses_now
 from station.web.people.database import BYPASSES
-from station.web.permission import CONDITIONS
+from station.web.permission import CLOCK, CONDITIONS
 from station.web.station import Station
 
 
@@ -47,6 +49,24 @@ def test_a_run_under_a_bypass_says_so_and_another_one_does_not(
     assert technician.post("end_bypass", {"condition": "retest_reason"}).status_code == 200
     assert technician.post("end_bypass", {"condition": "retest_reason"}).status_code == 409
     assert operator.post("start_run", {"scanned": "SN-1"}).status_code == 409
+
+
+def test_who_bypasses_the_clock_says_for_good_that_it_is_right(
+    station: Station, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from station_samples import SETUP  # noqa: PLC0415 - of the folder above
+
+    with monkeypatch.context() as wrong:
+        wrong.setattr(WALL_CLOCK, "_jumped", timedelta(days=400))
+        measured_before(station, SETUP)
+    runs = started(station, monkeypatch)
+    operator, technician = client_of(station, "operator"), client_of(station, "technician")
+    for _ in range(2):
+        assert [one["id"] for one in operator.post("start_run", {"scanned": "SN-2"}).json()["refused"]] == [CLOCK]
+        measured_before(station, SETUP)  # the folder does not forget it by a run
+    technician.post("add_bypass", {"condition": CLOCK, "reason": "set by the time server", "hours": 2.0})
+    assert operator.post("start_run", {"scanned": "SN-2"}).status_code == 200
+    assert "--clock-is-right=set by the time server" in runs[0]
 
 
 def test_a_bypass_ends_by_itself(station: Station) -> None:

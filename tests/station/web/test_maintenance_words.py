@@ -33,6 +33,7 @@ FIGURES = re.compile(r"[−\d.]+( [^a-z]\S*)?|[RB]|")
 
 
 READ = "read PASS, as it should (2 h before, run R). "
+BY_ANOTHER = "was last measured by recipe R revision 1 [R] (2 h before, run R)"
 OF_A_MASTER_PART = (
     "was never measured on this bench; needed every 8 h",
     f"{READ}The bench rejects a bad unit like this master part",
@@ -41,6 +42,8 @@ OF_A_MASTER_PART = (
     "has an altered record (2 h before, run R): it proves nothing. Measure it again",
     "read FAIL, and PASS is right (2 h before, run R): this bench may measure wrong",
     "was last measured 9 h before, run R; due every 8 h",
+    f"{BY_ANOTHER}; needed is recipe R revision 2 [R]. Measure it by that recipe",
+    f"{BY_ANOTHER}, which is not the newest released one of this name. Measure it by a released recipe",
 )
 LEFT_ENGLISH = re.compile(r"\b(before|run|bench|measur\w+|every|read|the|technician)\b")
 

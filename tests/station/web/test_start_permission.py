@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import shutil
-from datetime import timedelta
+from datetime import UTC, datetime
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -21,12 +21,12 @@ from recipes.schema.bench_schema import MasterPart
 from station.bench.request import Job
 from station.documents.manifest import EarlierAttempt
 from station.records.chain.chain_file import CREATED_MANIFEST
+from station.records.clock_behind import ClockBehind
 from station.records.data_folder import Store
 from station.records.revisions.writing import save_draft
 from station.records.run_record import RunRecord
 from station.records.seal import CONCLUDED, seal
 from station.run.way_back.begins_at import LOOKED_INTO
-from station.wall_clock import WALL_CLOCK
 from station.web.bad_units import LOOKED_AT, Bad, bad_unit_of, may_be_bad, unconfirmed
 from station.web.bench.way_back import WayBack
 from station.web.labels.outbox import PRINTED, Awaited
@@ -57,6 +57,9 @@ def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleName
     return SimpleNamespace(id="R1", state=lambda: state, manifest=lambda: manifest)
 
 
+BEHIND = ClockBehind(datetime(2026, 5, 11, tzinfo=UTC), 7, "R1", datetime(2026, 11, 27, tzinfo=UTC))
+
+
 def with_master_parts(job: Job) -> Job:
     parts = (MasterPart(serial="MASTER-GOOD", expect="PASS"), MasterPart(serial="MASTER-BAD", expect="FAIL"))
     return dataclasses.replace(job, bench=job.bench.model_copy(update={"master_parts": parts}))
@@ -66,7 +69,6 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
     full = good.data / "full"
     full.mkdir(exist_ok=True)
     monkeypatch.setattr(shutil, "disk_usage", lambda place: SimpleNamespace(free=1000 if place == full else 10**12))
-    later = (WALL_CLOCK.now() + timedelta(days=1)).isoformat()
     return {
         "bench_free": dataclasses.replace(good, busy=True),
         "model_known": dataclasses.replace(good, model=None, job=None),
@@ -82,7 +84,7 @@ def cases(good: Situation, monkeypatch: pytest.MonkeyPatch) -> dict[str, Situati
         "bench_recovered": dataclasses.replace(good, job=on_a_cable(good.job), last=newest("fault")),
         "master_parts": dataclasses.replace(good, job=with_master_parts(good.job)),
         "room_on_disk": dataclasses.replace(good, data=full),
-        "clock_plausible": dataclasses.replace(good, newest=newest("complete", later)),
+        "clock_plausible": dataclasses.replace(good, behind=BEHIND),
     }
 
 

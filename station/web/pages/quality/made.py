@@ -6,8 +6,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipes import RecipeError, default_bench, load_bench, load_recipe, parse_recipe
+from recipes import RecipeError, default_bench, find_recipe, load_bench, parse_recipe
 from recipes.schema.bench_schema import Bench
+from station.bench.request import Source
 from station.errors import StationError
 from station.quality.bench_ability import (
     Due,
@@ -35,10 +36,13 @@ from station.quality.limits_trial import Trial, Tried, draft_text, limits_trial,
 from station.quality.recipe_change import other_definitions
 from station.quality.text_on_trial import TextTrial, text_trial
 from station.records.data_folder import Store
+from station.records.master_parts import ProductRecipe, product_recipe
+from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
 from station.store.quality.values import characteristic
 from station.wall_clock import WALL_CLOCK
 from station.web.models import Models
+from station.web.permission import recipe_file
 
 CATCH_UP_S = 0.1
 """Longest time for putting runs into the store that have come since, for each figure."""
@@ -116,17 +120,21 @@ def page_type_one(data: Path, part: Part, reference: float, tolerance: float | N
 
 def page_due(data: Path, models: Models) -> tuple[Due, ...]:
     """Return what is due on each bench of the table of models."""
-    benches: dict[str, Bench] = {}
+    benches: dict[str, tuple[Bench, list[ProductRecipe]]] = {}
     found: list[Due] = []
+    history = History(data)
     for one in models.models:
         try:
-            bench = load_bench(one.bench) if one.bench else default_bench(load_recipe(one.recipe))[1]
-        except RecipeError as error:
+            source = Source.read(find_recipe(recipe_file(history, one.recipe)))
+            recipe = source.recipe()
+            bench = load_bench(one.bench) if one.bench else default_bench(recipe)[1]
+        except (RecipeError, StationError) as error:
             found.append(Due(one.bench or one.model, "bench file", in_order=False, text=str(error).splitlines()[0]))
             continue
-        benches[bench.bench.name] = bench
-    for bench in benches.values():
-        found += due_on(Store(data), bench, WALL_CLOCK.now())
+        products = benches[bench.bench.name][1] if bench.bench.name in benches else []
+        benches[bench.bench.name] = bench, [*products, product_recipe(recipe, source.sha256)]
+    for bench, products in benches.values():
+        found += due_on(Store(data), bench, WALL_CLOCK.now(), products)
     return tuple(found)
 
 

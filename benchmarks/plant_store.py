@@ -67,7 +67,7 @@ MULTIPLIED = (
 """Statements that give every run the metrics and checks of one, with values that scatter."""
 
 RUNS_BY_HOUR = """INSERT INTO run_hours SELECT chain, hour, bench, recipe, revision, model, coalesce(operator, ''),
-    coalesce(key, ''), fixture, state, coalesce(verdict, ''), master, virtual, in_production, valid, attempt = 1,
+    coalesce(key, ''), fixture, state, coalesce(verdict, ''), master, virtual, in_production, valid, first,
     count(*) FROM runs WHERE chain = :chain GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16
     ON CONFLICT DO NOTHING"""
 METRICS_BY_HOUR = """INSERT INTO metric_hours SELECT r.chain, meaning, side, hour, bench, recipe, revision, model,
@@ -76,7 +76,7 @@ METRICS_BY_HOUR = """INSERT INTO metric_hours SELECT r.chain, meaning, side, hou
     coalesce(var_pop(value) FILTER (WHERE valid), 0) * count(*) FILTER (WHERE valid),
     count(*) FILTER (WHERE r.verdict = 'FAIL' AND m.verdict = 'FAIL')
     FROM runs r JOIN metrics m ON m.chain = r.chain AND m.run = r.run
-    WHERE r.chain = :chain AND in_production AND attempt = 1
+    WHERE r.chain = :chain AND in_production AND first
     GROUP BY 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12 ON CONFLICT DO NOTHING"""
 
 WORDS = {
@@ -103,7 +103,8 @@ def older_rows(sample: dict[str, Any], count: int, every: timedelta) -> Iterator
         yield sample | {
             "run": f"{moment:%Y%m%dT%H%M%S}.000Z-{serial}", "serial": serial, "attempt": 1 + again,
             "started": started, "ended": started, "hour": hour_of(started), "again": again or failed,
-            "verdict": "FAIL" if failed else "NOT DECIDABLE" if undecided else "PASS", "valid": not undecided,
+            "first": not again, "verdict": "FAIL" if failed else "NOT DECIDABLE" if undecided else "PASS",
+            "valid": not undecided,
             "objection": "measurement invalid: drift" if undecided else "",
             "model": MODELS[moment.toordinal() % len(MODELS)], "operator": OPERATORS[moment.hour // 8],
             "fixture": FIXTURES[moment.day % len(FIXTURES)], "lock_angle_deg": number * 37.7 % 360.0,

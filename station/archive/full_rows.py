@@ -131,7 +131,7 @@ def _said(manifest: Manifest) -> Row:
         "verdict": manifest.verdict,
         "operator": manifest.operator,
         "software": manifest.software.version,
-        "virtual": manifest.bench.embedded or clock_of(manifest.clock) == VIRTUAL,
+        "virtual": bool(manifest.bench.embedded or manifest.unit.virtual) or clock_of(manifest.clock) == VIRTUAL,
     }
 
 

@@ -161,6 +161,15 @@ class Job:
         return watchdogs_measured(self.bench_source.path, self.bench, self.profile_sources)
 
     @property
+    def virtual(self) -> bool:
+        """Whether its units are virtual: on an embedded bench, and wherever the drive can only be the virtual one.
+
+        A virtual bench that was started by itself looks like a real one, but for what every run checks in its drive.
+        """
+        shipped = DRIVER_PROFILES / "virtual-drive.yaml"
+        return self.bench.bench.embedded or is_virtual_drive(self._drive_profile, shipped)
+
+    @property
     def no_automatic_run(self) -> str:
         """Why no run may start by itself on this bench, with what to do; '' where one may.
 
@@ -170,8 +179,7 @@ class Job:
             RecordError: the protocol of the bench is damaged.
 
         """
-        virtual = DRIVER_PROFILES / "virtual-drive.yaml"
-        if self.bench.bench.embedded or is_virtual_drive(self._drive_profile, virtual) or self.watchdogs is not None:
+        if self.virtual or self.watchdogs is not None:
             return ""
         path = self.bench_source.path
         return (

@@ -13,6 +13,9 @@ from virtual_bench.config import Catalogue
 FIXED_SEED = 1
 """Seed of runs that are compared with one another, and not repeated: fault matrix, exits, tests."""
 
+NOT_NAMED = "not named"
+"""Name of the unit on a virtual bench that was started by itself and has not said which one it serves."""
+
 SEEDS = 1_000_000_000
 """Seeds that are drawn are below this: short enough to be typed again."""
 

@@ -24,6 +24,9 @@ LARGEST_PERIOD_NS = 1_000_000_000
 LARGEST_PID = 1 << 22
 
 
+SIMULATED, INJECTED = "simulated", "faults injected"
+"""Why an attempt says nothing of a real unit: nothing real was measured, or faults were injected on purpose."""
+
 MASTER = "master part "
 """How the notes begin that say what the master parts of a bench read."""
 
@@ -179,16 +182,20 @@ class LeftBy:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EarlierAttempt:
-    """A run of the same serial number before this one; `failed`: titles of the metrics out of their limits."""
+    """A run of the same serial number before this one; `failed`: titles of the metrics out of their limits.
+
+    `aside`: why it is no attempt at a real unit. It keeps its number: the numbers are those of the chain.
+    """
 
     attempt: CountFrom1
     run: Name
     state: RunState
     verdict: VerdictName | None
     failed: tuple[str, ...] = ()
+    aside: Annotated[str, one_of(SIMULATED, INJECTED)] | None = left_out()
 
     def __str__(self) -> str:
-        outcome = self.verdict or self.state
+        outcome = " ".join(word for word in (self.aside, self.verdict or self.state) if word)
         return f"attempt {self.attempt} {outcome}{' ' if self.failed else ''}{', '.join(self.failed)}"
 
 

@@ -9,12 +9,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from station.documents.manifest import INTERRUPTED, EarlierAttempt
+from station.documents.manifest import INJECTED, INTERRUPTED, SIMULATED, EarlierAttempt, Manifest
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.lookup import entries_of_serial
-from station.records.run_record import RESULT, RunRecord
+from station.records.clocks import VIRTUAL, clock_of
+from station.records.run_record import MANIFEST, RESULT, RunRecord
+from station.records.seal import fingerprint
 
 MOST = 5
 """The newest are told: a master part is measured every day for years."""
@@ -63,16 +65,40 @@ def _attempt(run: RunRecord, serial: str, created: Entry | None, sealed: Entry |
     if sealed is not None:
         said = sealed.fields
         return EarlierAttempt(
-            attempt=said["attempt"], run=run.id, state=said["state"], verdict=said["verdict"], failed=_failed(run)
+            attempt=said["attempt"],
+            run=run.id,
+            state=said["state"],
+            verdict=said["verdict"],
+            failed=_failed(run),
+            aside=None if manifest is None or _changed(run, said["sha256"]) else _aside(manifest),
         )
     if manifest is not None and (created is not None or manifest.serial == serial):
         attempt = manifest.attempt if created is None else created.fields["attempt"]
         return EarlierAttempt(
-            attempt=attempt, run=run.id, state=manifest.state, verdict=manifest.verdict, failed=_failed(run)
+            attempt=attempt,
+            run=run.id,
+            state=manifest.state,
+            verdict=manifest.verdict,
+            failed=_failed(run),
+            aside=_aside(manifest),
         )
     if created is None:
         return None
     return EarlierAttempt(attempt=created.fields["attempt"], run=run.id, state=INTERRUPTED, verdict=None)
+
+
+def _changed(run: RunRecord, sealed_sha256: str) -> bool:
+    """Whether a manifest is not the one that was sealed: then it sets no attempt aside."""
+    try:
+        return fingerprint(run.folder / MANIFEST).sha256 != sealed_sha256
+    except StationError:
+        return True
+
+
+def _aside(manifest: Manifest) -> str | None:
+    if manifest.scenario is not None:
+        return INJECTED
+    return SIMULATED if manifest.unit.virtual or clock_of(manifest.clock) == VIRTUAL else None
 
 
 def _failed(run: RunRecord) -> tuple[str, ...]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import re
 import shutil
+import unicodedata
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from itertools import islice
@@ -53,12 +54,25 @@ _LISTED: dict[Path, tuple[str, list[str]]] = {}
 
 
 def check_serial(serial: str) -> str:
-    """Return a serial number as it may be stored; StationError when it is empty, too long or not printable."""
-    if not serial.strip() or len(serial) > LONGEST_SERIAL or not serial.isprintable():
+    """Return a serial number as it may be stored; StationError when it is not `is_serial`."""
+    if not is_serial(serial):
+        usual = unicodedata.normalize("NFKC", serial).strip()
+        other = f" The usual form of this one is {usual[:40]!r}." if usual not in ("", serial) else ""
         raise StationError(
-            f"--serial: found {serial[:40]!r}; allowed are 1 to {LONGEST_SERIAL} printable characters. Scan it again",
+            f"--serial: found {serial[:40]!r}; allowed are 1 to {LONGEST_SERIAL} printable characters in their usual "
+            f"form, with no blank at the ends.{other} Scan it again",
         )
     return serial
+
+
+def is_serial(text: str) -> bool:
+    """Whether a text may be a new serial number: printable, and not another one to the eye alone.
+
+    A blank at the end or a full-width letter would make a second unit of one that failed. Stored runs keep what they
+    have.
+    """
+    alike = text.strip() == text == unicodedata.normalize("NFKC", text)
+    return 0 < len(text) <= LONGEST_SERIAL and text.isprintable() and alike
 
 
 def check_operator(name: str) -> str:

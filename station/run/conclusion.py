@@ -18,6 +18,7 @@ from analysis.validity.judge import check_reasons, judge_checks
 from definitions.image import State
 from station.atomic_file import read_from_disk
 from station.bench.request import Job
+from station.bench.virtual_unit import NOT_NAMED
 from station.documents.entries import plain
 from station.documents.events import Alarm, EventRow
 from station.documents.manifest import MASTER, Manifest
@@ -173,7 +174,7 @@ def _not_its_own(record: RunRecord, run: Manifest, job: Job) -> list[str]:
 
 def _with_virtual_unit(record: RunRecord, run: Manifest, unit: str) -> Manifest:
     """Return the manifest with the unit that a virtual bench on wires has named; nobody else knew of it."""
-    if run.unit.virtual or not unit:
+    if run.unit.virtual not in (None, NOT_NAMED) or not unit:
         return run
     record.update(unit=replace(run.unit, virtual=unit))
     return record.manifest()

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from station.bench.request import Job, Source
-from station.bench.virtual_unit import VirtualUnit
+from station.bench.virtual_unit import NOT_NAMED, VirtualUnit
 from station.documents.manifest import BenchSource, RecipeSource, Setup, StudyPlace, Unit
 from station.records.data_folder import Store
 from station.records.master_parts import master_parts
@@ -18,9 +18,10 @@ from station.wall_clock import WALL_CLOCK
 
 
 class Wanted(NamedTuple):
-    """What was asked for beside recipe and bench; unit is that of the virtual bench, None on a real one.
+    """What was asked for beside recipe and bench.
 
-    clock: one of `CLOCKS`. clock_right: why the computer's clock is right, where entries of the chain are later.
+    unit: of a virtual bench that this program starts or simulates, else None. clock: one of `CLOCKS`. clock_right: why
+    the computer's clock is right, where entries of the chain are later.
     """
 
     serial: str
@@ -47,6 +48,17 @@ def bench_source(job: Job) -> BenchSource:
     )
 
 
+def unit_of(job: Job, unit: VirtualUnit | None, master: str | None = None) -> Unit:
+    """Return the unit under test of a job, as a manifest names it: a virtual one is never left without a name."""
+    unnamed = NOT_NAMED if job.virtual else None
+    return Unit(
+        model=job.recipe.unit_under_test.model,
+        virtual=unnamed if unit is None else unit.name,
+        noise_seed=None if unit is None else unit.seed,
+        master=master,
+    )
+
+
 def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> RunRecord:
     """Create the record of a run that is about to start, in a folder of its own below `data`.
 
@@ -54,7 +66,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         RecordError: the folder cannot be written.
 
     """
-    scenario, unit, master = wanted.scenario, wanted.unit, job.bench.master_part(wanted.serial)
+    scenario, master = wanted.scenario, job.bench.master_part(wanted.serial)
     recipe = job.recipe
     notes = [*notes, *job.not_proven]
     setup = Setup(
@@ -66,12 +78,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
         ),
         bench=bench_source(job),
         software=software(),
-        unit=Unit(
-            model=recipe.unit_under_test.model,
-            virtual=None if unit is None else unit.name,
-            noise_seed=None if unit is None else unit.seed,
-            master=None if master is None else master.expect,
-        ),
+        unit=unit_of(job, wanted.unit, None if master is None else master.expect),
         scenario=None if scenario is None else str(scenario.path),
         operator=wanted.operator,
         retest_reason=wanted.retest_reason,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 from sqlalchemy import Connection, and_, or_, select
 
 from definitions.metrics import METRICS as DEFINED
-from station.documents.manifest import EarlierAttempt, attempt_text
+from station.documents.manifest import INJECTED, SIMULATED, EarlierAttempt, attempt_text
 from station.records.attempts import MOST as MOST_BEFORE
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import Trust
@@ -111,5 +111,12 @@ def _judged(connection: Connection, chain: Chain, wanted: dict[str, str]) -> dic
 def _earlier(one: _Of, ended: StoredRun | None, failed: tuple[str, ...]) -> EarlierAttempt:
     if ended is None:
         return EarlierAttempt(attempt=one.attempt, run=one.run, state=NOT_CONCLUDED, verdict=None)
-    state = ALTERED if ended.altered else ended.state
-    return EarlierAttempt(attempt=one.attempt, run=one.run, state=state, verdict=ended.verdict, failed=failed)
+    aside = INJECTED if ended.scenario is not None else SIMULATED if ended.virtual else None
+    return EarlierAttempt(
+        attempt=one.attempt,
+        run=one.run,
+        state=ALTERED if ended.altered else ended.state,
+        verdict=ended.verdict,
+        failed=failed,
+        aside=None if ended.altered else aside,
+    )

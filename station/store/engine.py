@@ -17,7 +17,7 @@ from station.store.plant.sizes import grown, learn_sizes, tell_sizes
 from station.store.tables import METADATA, RUNS
 
 ACTION = "Check that the database is running and that this user may write to it"
-HEAD = "0009"
+HEAD = "0010"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
 VERSIONS = "alembic_version"

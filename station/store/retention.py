@@ -112,7 +112,7 @@ def class_of(run: Manifest) -> RunClass:
     """Return which class a run is of; injected faults count before all else, then the virtual bench."""
     if run.scenario is not None:
         return "injected"
-    if run.bench.embedded or clock_of(run.clock) == VIRTUAL:
+    if run.bench.embedded or run.unit.virtual or clock_of(run.clock) == VIRTUAL:
         return "virtual"
     return "master" if run.unit.master is not None else "product"
 

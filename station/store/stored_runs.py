@@ -21,7 +21,7 @@ class StoredRun(NamedTuple):
 
     master: of a master part, the verdict that it should have; '' for a product. altered: a line for each alteration.
     in_production: of a product, and of no guided study; False for altered runs too.
-    lock_angle_deg: of the locked shaft.
+    lock_angle_deg: of the locked shaft. first: the first attempt at its unit that is of its kind.
     """
 
     run: str
@@ -49,6 +49,7 @@ class StoredRun(NamedTuple):
     in_production: bool = True
     fixture: str = ""
     lock_angle_deg: float | None = None
+    first: bool = True
 
 
 MOST_NAMED = 500

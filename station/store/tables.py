@@ -135,6 +135,7 @@ RUNS = _of_a_chain(
     Column("again", Boolean, nullable=False, server_default=false()),
     Column("fixture", Text, nullable=False, server_default=""),
     Column("lock_angle_deg", Double),
+    Column("first", Boolean, nullable=False, server_default=false()),
     Index(
         "runs_again",
         "chain",
@@ -155,6 +156,7 @@ RUNS = _of_a_chain(
         "hour",
         "fixture",
         "lock_angle_deg",
+        "first",
         sqlite_where=OF_AGAIN,
         postgresql_where=OF_AGAIN,
     ),
@@ -183,6 +185,7 @@ RUNS = _of_a_chain(
         "hour",
         "fixture",
         "lock_angle_deg",
+        "first",
     ),
     **BY_MONTH,
 )
@@ -193,6 +196,7 @@ RUNS = _of_a_chain(
 `in_production`: unaltered, of a product, without injected faults, of no guided study. `valid`: unaltered, complete, its
 measurement valid.
 `hour`: of its start, in UTC, as in 2026-01-31T06. `again`: its unit was measured more than once; see `plant.retests`.
+`first`: the first attempt at its unit that is of its kind; see `plant.retests`.
 `fixture`: its name in the bench file, '' where that gives none. `lock_angle_deg`: of the locked shaft when the lock had
 closed, from 0 to 360; none where the record says none.
 
@@ -311,7 +315,7 @@ RUN_HOURS = _of_a_chain(
 )
 """How many runs began in an hour that have all of this in common; '' and -1 stand for what a run does not say.
 
-`first`: first attempts. `run_hours` and `metric_hours` are counted from the runs: see `plant.hours`.
+`first`: first attempts, as in the runs. `run_hours` and `metric_hours` are counted from the runs: see `plant.hours`.
 """
 
 METRIC_HOURS = _of_a_chain(

@@ -10,7 +10,7 @@ import re
 
 from station.errors import StationError
 from station.records.certificate_code import names_a_run
-from station.records.data_folder import LONGEST_SERIAL
+from station.records.data_folder import LONGEST_SERIAL, is_serial
 
 GS = "\x1d"
 SYMBOLOGIES = ("]C1", "]e0", "]d2", "]Q3", "]J1")
@@ -98,9 +98,9 @@ def _of_elements(text: str) -> str:
 def _checked(text: str) -> str:
     if names_a_run(text):
         raise ScanError("this is the code of a label or a certificate. Scan the code of the unit")
-    if not text or len(text) > LONGEST_SERIAL or not text.isprintable() or not text.isascii():
+    if not is_serial(text) or not text.isascii():
         raise ScanError(
-            f"{text[:40]!r}: is not a serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters. "
-            "Scan again, or check the scanner's keyboard layout"
+            f"{text[:40]!r}: is not a serial number; allowed are 1 to {LONGEST_SERIAL} printable ASCII characters, "
+            "with no blank at the ends. Scan again, or check the scanner's keyboard layout"
         )
     return text

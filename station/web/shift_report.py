@@ -88,7 +88,7 @@ def shift_of(
     runs = [row.run for row in rows if row.run.scenario is None and begin <= str(row.run.started) < end]
     # An altered run is none of the production either, and stays here with no verdict: somebody has to look at it.
     production = [run for run in runs if not run.master and (run.in_production or run.altered)]
-    first = [run for run in production if run.attempt == 1]
+    first = [run for run in production if run.first]
     final = {run.serial: run for run in production}
     said = connection.execute(select(AUDIT).where(AUDIT.c.at < end).order_by(AUDIT.c.number))
     detail = [(row, json.loads(row.detail)) for row in said if row.action in ("add_bypass", "start_run")]

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from analysis.evaluation.verdict import Verdict
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes.schema.calibration_schema import LEAST_UNITS
+from station.bench.virtual_unit import NOT_NAMED
 from station.cli.bench.usable_runs import usable
 from station.documents.ratio import RatioLine, RatioRecord
 from station.documents.result import Result
@@ -136,7 +137,7 @@ def _check_serials(found: Sequence[MeasuredRatio]) -> None:
 
 def _refuse_one_unit(first: MeasuredRatio, second: MeasuredRatio) -> None:
     """Refuse one unit under two serial numbers: its lines differ by noise, and as units they would have no spread."""
-    if first.virtual is not None and first.virtual == second.virtual:
+    if first.virtual not in (None, NOT_NAMED) and first.virtual == second.virtual:
         raise StationError(
             f"runs {first.run} and {second.run} measured the same virtual unit, {second.virtual}. {OTHER_UNIT}"
         )

@@ -15,7 +15,7 @@ from recipes.text.quantity import show
 from station.bench.request import load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.cli.measure.run import EXIT_BENCH
-from station.documents.manifest import RecipeSource, Setup, Unit
+from station.documents.manifest import RecipeSource, Setup
 from station.errors import BenchFaultError, StationError
 from station.records.data_folder import check_operator
 from station.records.program_file import PROGRAM, plain_program
@@ -23,7 +23,7 @@ from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 from station.run.conclusion import conclude
 from station.run.jog.jogs import JogJob, jog_job, jogs, why_no_jog
 from station.run.jog.keys import OLDEST_TOKEN_S, Keys, Lines, Typed
-from station.run.new_record import bench_source
+from station.run.new_record import bench_source, unit_of
 from station.run.outcome import RunOutcome
 from station.run.pacing import pacing_of
 from station.run.supervisor import Supervisor
@@ -84,10 +84,7 @@ def _create(data: Path, job: JogJob, unit: VirtualUnit | None, operator: str | N
             name=header.name, revision=header.revision, sha256=job.recipe_source.sha256,
             file=str(job.recipe_source.path),
         ),
-        unit=Unit(
-            model=job.recipe.unit_under_test.model, virtual=None if unit is None else unit.name,
-            noise_seed=None if unit is None else unit.seed, master=None,
-        ),
+        unit=unit_of(job, unit),
         period_ns=job.recipe.sampling.period_ns,
         clock=pacing_of(job).clock,
         software=software(),

@@ -35,7 +35,7 @@ from station.store.quality.values import Characteristic, metrics_of_run, newest_
 from station.store.tables import MEANINGS, METRICS, RUNS
 
 COLUMNS = (
-    "run", "serial", "started", "attempt", "verdict", "objection", "state", "model", "recipe", "revision", "bench",
+    "run", "serial", "started", "first", "verdict", "objection", "state", "model", "recipe", "revision", "bench",
     "virtual",
 )  # fmt: skip
 OF_A_FILE = ("model", "recipe", "revision", "bench")
@@ -80,7 +80,7 @@ def dfq_of_lot(production: Production, lot: Lot, program: str) -> WrittenLot:
     """
     lot = production.one_recipe(lot)
     newest_run(production, lot)
-    asked = production.of(select(RUNS.c.run).select_from(RUNS), lot, attempts=None).where(RUNS.c.state == COMPLETE)
+    asked = production.of(select(RUNS.c.run).select_from(RUNS), lot, first=False).where(RUNS.c.state == COMPLETE)
     runs = list(production.connection.execute(asked.order_by(RUNS.c.run.desc()).limit(lot.newest)).scalars())
     rows = _rows(production, sorted(runs))
     files = tuple(
@@ -142,7 +142,7 @@ def alike(production: Production, runs: Sequence[str], *, virtual: bool) -> list
     """
     if not runs:
         return []
-    asked = production.of(select(RUNS.c.run).select_from(RUNS), Lot(virtual=virtual), attempts=None)
+    asked = production.of(select(RUNS.c.run).select_from(RUNS), Lot(virtual=virtual), first=False)
     asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.run >= min(runs), RUNS.c.run <= max(runs))
     wanted = set(runs)
     found: dict[tuple[Characteristic, ...], list[str]] = {}
@@ -256,7 +256,7 @@ def _value(run: Row[Any], row: Row[Any] | None) -> str:
     valid = row is not None and row.value is not None and not run.objection
     moment = datetime.fromisoformat(run.started).astimezone(UTC).strftime(MOMENT)
     events = [number for number, holds in (
-        (1, run.attempt > 1), (2, run.verdict == "FAIL"), (3, run.verdict == "NOT DECIDABLE"),
+        (1, not run.first), (2, run.verdict == "FAIL"), (3, run.verdict == "NOT DECIDABLE"),
         (4, row is not None and row.judged == "FAIL"), (5, run.virtual),
     ) if holds]  # fmt: skip
     value = _number(row.value) if row is not None and valid else "0"

@@ -62,7 +62,6 @@ def plan_of(asked: Asked) -> StudyPlan:
     if asked.kind not in KINDS:
         raise StationError(f"--kind: found {asked.kind!r:.40}; allowed are {' and '.join(KINDS)}")
     job = load_job(asked.recipe, asked.bench)
-    embedded = job.bench.bench.embedded
     parts, units = _parts(asked.parts, job)
     operators = [check_operator(one) for one in asked.operators]
     _refuse_twice("--part", parts)
@@ -82,7 +81,7 @@ def plan_of(asked: Asked) -> StudyPlan:
         bench=job.bench.bench.name,
         bench_file=str(job.bench_source.path.resolve()),
         bench_sha256=job.bench_source.sha256,
-        virtual=embedded,
+        virtual=job.virtual,
         parts=tuple(parts),
         units=units,
         operators=tuple(operators),

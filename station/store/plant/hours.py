@@ -23,7 +23,6 @@ from sqlalchemy import (
     delete,
     func,
     insert,
-    literal,
     literal_column,
     select,
     true,
@@ -123,7 +122,7 @@ def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None
     together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
     asked = select(value, failed, *of_runs, *of_metrics).select_from(RUNS).join(METRICS, together)
     asked = asked.where(RUNS.c.chain == chain, RUNS.c.hour.in_(hours))
-    asked = asked.where(RUNS.c.in_production, RUNS.c.attempt == FIRST_ATTEMPT)
+    asked = asked.where(RUNS.c.in_production, RUNS.c.first)
     groups: dict[Any, tuple[list[float], list[int]]] = defaultdict(lambda: ([], []))
     for one, bad, *key in connection.execute(asked):
         values, fails = groups[tuple(key)]
@@ -142,7 +141,7 @@ def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None
 
 def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
     here = (RUNS.c.chain == chain) & RUNS.c.hour.in_(hours) & RUNS.c.in_production
-    no_verdict = here & (RUNS.c.attempt == FIRST_ATTEMPT) & (RUNS.c.verdict == UNDECIDED)
+    no_verdict = here & RUNS.c.first & (RUNS.c.verdict == UNDECIDED)
     ended = no_verdict & (RUNS.c.state == COMPLETE)
     failed = CHECKS.c.passed.is_(False)
     named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
@@ -194,7 +193,5 @@ def _known(name: str) -> ColumnElement[Any]:
     """Return a column of a run as it stands in a key."""
     if name == "revision":
         return func.coalesce(RUNS.c.revision, NO_REVISION)
-    if name == "first":
-        return RUNS.c.attempt == literal(FIRST_ATTEMPT)
     column: ColumnElement[Any] = RUNS.c[name]
     return func.coalesce(column, "") if name in ("operator", "key", "verdict") else column

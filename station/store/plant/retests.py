@@ -2,13 +2,19 @@
 
 Whether a unit was measured again a later run says; so what is noted with every run of a serial number is noted anew
 when one of them comes, changes or goes.
+
+Attempts keep the numbers of the chain, and one that was simulated, or had faults injected, has a number too. The first
+attempt of a kind, at the real unit or on the virtual bench, is the one before which there was nothing but such ones. A
+number whose run is not there, or was altered, counts as an attempt of that kind: a lost FAIL makes no unit new.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
+from itertools import groupby
+from typing import Any
 
-from sqlalchemy import Connection, exists, select, update
+from sqlalchemy import Connection, Row, exists, select, update
 
 from station.store.plant.hours import FIRST_ATTEMPT, MOST_AT_ONCE
 from station.store.tables import RUNS
@@ -34,3 +40,41 @@ def note_retests(connection: Connection, chain: str, serials: Collection[str]) -
         for value, condition in ((True, again), (False, ~again)):
             changes = update(RUNS).where(RUNS.c.chain == chain, named, RUNS.c.again.is_not(value), condition)
             connection.execute(changes.values(again=value))
+
+
+def note_first(connection: Connection, chain: str, serials: Collection[str]) -> set[str]:
+    """Note anew with the runs of serial numbers which is the first attempt; return the hours of those that changed."""
+    there = sorted(serials)
+    hours: set[str] = set()
+    names = ("run", "serial", "attempt", "virtual", "scenario", "altered", "first", "hour")
+    for begin in range(0, len(there), MOST_AT_ONCE):
+        asked = select(*(RUNS.c[name] for name in names)).where(RUNS.c.chain == chain)
+        asked = asked.where(RUNS.c.serial.in_(there[begin : begin + MOST_AT_ONCE]))
+        rows = connection.execute(asked.order_by(RUNS.c.serial, RUNS.c.attempt)).all()
+        firsts = {run for _, unit in groupby(rows, lambda row: row.serial) for run in _first_of(unit)}
+        changed = [row for row in rows if (row.run in firsts) != row.first]
+        hours.update(row.hour for row in changed)
+        for value in (True, False):
+            runs = [row.run for row in changed if row.first is not value]
+            for place in range(0, len(runs), MOST_AT_ONCE):
+                some = RUNS.c.run.in_(runs[place : place + MOST_AT_ONCE])
+                connection.execute(update(RUNS).where(RUNS.c.chain == chain, some).values(first=value))
+    return hours
+
+
+def _first_of(unit: Iterable[Row[Any]]) -> list[str]:
+    """Return the first attempts among the runs of a serial number, which stand in the order of their attempts."""
+    due = {False: FIRST_ATTEMPT, True: FIRST_ATTEMPT}  # the number of a first attempt, by whether it is virtual
+    found = []
+    for attempt, group in groupby(unit, lambda row: row.attempt):
+        rows = list(group)
+        found += [row.run for row in rows if row.attempt == due[row.virtual]]
+        for virtual, number in due.items():
+            if attempt == number and all(_is_aside(row, virtual=virtual) for row in rows):
+                due[virtual] = number + 1
+    return found
+
+
+def _is_aside(row: Row[Any], *, virtual: bool) -> bool:
+    """Whether a run is no attempt of a kind, and its record says so as it was left."""
+    return not row.altered and (row.scenario is not None or row.virtual != virtual)

@@ -15,7 +15,6 @@ from station.store.plant.hours import (
     CHECK,
     COMPLETE,
     FAIL,
-    FIRST_ATTEMPT,
     HOUR_DIGITS,
     NEAR,
     NO_REVISION,
@@ -222,12 +221,12 @@ def yields(production: Production, lot: Lot, by: str | None = None) -> dict[str,
 
 def _as_they_left(production: Production, lot: Lot, columns: Columns) -> Select[Any]:
     """Return a statement for what units measured again add to and take from the counts of first attempts."""
-    later = RUNS.c.attempt > FIRST_ATTEMPT
+    later = ~RUNS.c.first
     retested = func.max(case((later, 1), else_=0)).over(partition_by=RUNS.c.serial)
     newest = func.row_number().over(partition_by=(RUNS.c.serial, later), order_by=RUNS.c.run.desc())
     said = [one.label(f"by_{place}") for place, one in enumerate(columns(RUNS))]
     asked = select(*said, later.label("later"), retested.label("retested"), newest.label("newest"))
-    runs = production.of(asked, lot, attempts=None).where(OF_AGAIN).subquery()
+    runs = production.of(asked, lot, first=False).where(OF_AGAIN).subquery()
     number = case((runs.c.later, case((runs.c.newest == 1, 1), else_=0)), else_=-1)
     by = [runs.c[one.name] for one in said]
     return select(*by, func.sum(number)).where(runs.c.retested == 1).group_by(*by)
@@ -283,7 +282,7 @@ def alarms(production: Production, lot: Lot) -> Counter[str]:
         return _causes(production, lot, ALARM)
     number = func.count(ALARMS.c.run.distinct())
     asked = select(ALARMS.c.id, number).select_from(ALARMS).join(RUNS, _together(RUNS, ALARMS))
-    asked = production.of(asked, lot, attempts=None).where(ALARMS.c.chain == production.chain.id)
+    asked = production.of(asked, lot, first=False).where(ALARMS.c.chain == production.chain.id)
     return Counter({str(name): number for name, number in production.connection.execute(asked.group_by(ALARMS.c.id))})
 
 

@@ -20,7 +20,7 @@ from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
 from station.store.outbox import catch_up
-from station.store.plant.hours import COMPLETE, FIRST_ATTEMPT, between_hours, whole_hours
+from station.store.plant.hours import COMPLETE, between_hours, whole_hours
 from station.store.stored_runs import NO_LIMIT, is_trusted, total_of, trusted
 from station.store.tables import RUN_HOURS, RUNS
 from station.store.view import opened
@@ -60,8 +60,8 @@ class Production:
     unsigned_count: bool
     behind: int
 
-    def of(self, asked: Select[Any], lot: Lot, *, attempts: Sequence[int] | None = (FIRST_ATTEMPT,)) -> Select[Any]:
-        """Return a statement on `RUNS` with the conditions of a lot; attempts: None takes all."""
+    def of(self, asked: Select[Any], lot: Lot, *, first: bool = True) -> Select[Any]:
+        """Return a statement on `RUNS` with the conditions of a lot; first: first attempts alone."""
         asked = asked.where(RUNS.c.chain == self.chain.id, RUNS.c.in_production, RUNS.c.virtual.is_(lot.virtual))
         asked = asked.where(self.trusted())
         for name in ("recipe", "model", "bench"):
@@ -72,7 +72,7 @@ class Production:
             asked = asked.where(RUNS.c.started >= lot.since)
         if lot.until is not None:
             asked = asked.where(RUNS.c.started < lot.until)
-        return asked if attempts is None else asked.where(RUNS.c.attempt.in_(attempts))
+        return asked.where(RUNS.c.first) if first else asked
 
     def of_hours(self, asked: Select[Any], table: Table, lot: Lot) -> Select[Any]:
         """Return a statement on a table by the hour with the conditions of a lot, which is one of whole hours."""
@@ -84,21 +84,19 @@ class Production:
                 asked = asked.where(table.c[name] == value)
         return between_hours(asked, table, lot.since, lot.until)
 
-    def counted(
-        self, columns: Columns, lot: Lot, *, attempts: Sequence[int] | None = (FIRST_ATTEMPT,), by_hours: bool = True
-    ) -> Select[Any]:
+    def counted(self, columns: Columns, lot: Lot, *, first: bool = True, by_hours: bool = True) -> Select[Any]:
         """Return a statement for the number of runs of a lot by columns of a run, which stand before it in a row.
 
-        columns: a function of the table that has them. attempts: the first, or None for all. by_hours: whether the
+        columns: a function of the table that has them. first: first attempts alone. by_hours: whether the
         hours have these columns.
         """
         if not (by_hours and whole_hours(lot.since, lot.until)):
             by = columns(RUNS)
-            return self.of(select(*by, func.count()).select_from(RUNS), lot, attempts=attempts).group_by(*by)
+            return self.of(select(*by, func.count()).select_from(RUNS), lot, first=first).group_by(*by)
         by = columns(RUN_HOURS)
         asked = self.of_hours(select(*by, func.sum(RUN_HOURS.c.runs)).select_from(RUN_HOURS), RUN_HOURS, lot)
         asked = asked.where(RUN_HOURS.c.in_production)
-        return (asked if attempts is None else asked.where(RUN_HOURS.c.first)).group_by(*by)
+        return (asked.where(RUN_HOURS.c.first) if first else asked).group_by(*by)
 
     def trusted(self) -> ColumnElement[bool]:
         """Return the condition that somebody known signed a run."""
@@ -187,7 +185,7 @@ class Production:
         raise StationError(f"{self.chain.data}: the chosen lot has no run of a {kinds[0]} unit.{hint}")
 
     def _number(self, lot: Lot) -> int:
-        rows = self.connection.execute(self.counted(lambda runs: (runs.c.virtual,), lot, attempts=None))
+        rows = self.connection.execute(self.counted(lambda runs: (runs.c.virtual,), lot, first=False))
         return sum(number for _, number in rows)
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from sqlalchemy import select
 
 from station.records.chain.walk import trust_of
-from station.store.attempts import FIRST, attempts_told
+from station.store.attempts import attempts_told
 from station.store.quality.lot import Lot, Production
 from station.store.stored_runs import COLUMNS, StoredRun
 from station.store.tables import RUNS
@@ -22,7 +22,7 @@ class Retest(NamedTuple):
 
 def retests_of(look: Production, lot: Lot) -> tuple[Retest, ...]:
     """Return the later attempts of a lot, oldest first."""
-    asked = look.of(select(*COLUMNS), lot, attempts=None).where(RUNS.c.attempt > FIRST).order_by(RUNS.c.run)
+    asked = look.of(select(*COLUMNS), lot, first=False).where(~RUNS.c.first).order_by(RUNS.c.run)
     rows = [StoredRun._make(row) for row in look.connection.execute(asked).all()]
     told = attempts_told(look.connection, look.chain, trust_of(look.chain), rows)
     return tuple(Retest(row, told[row.run]) for row in rows)

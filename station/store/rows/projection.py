@@ -27,7 +27,7 @@ from station.store import tables
 from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, hour_of, hours_of
 from station.store.plant.meanings import Meaning, number_of, put_meanings
 from station.store.plant.months import make_months
-from station.store.plant.retests import note_retests, serials_of
+from station.store.plant.retests import note_first, note_retests, serials_of
 from station.store.rows.shared_rows import REFERENCES, drop_unnamed, file_rows, put_shared, shared_by, unit_rows
 from station.store.tables import Row, Rows
 
@@ -130,8 +130,8 @@ def remove_chain(connection: Connection, chain: str) -> None:
 
 
 def _bring_up_plant(connection: Connection, chain: str, hours: Collection[str], serials: Collection[str]) -> None:
-    count_hours(connection, chain, hours)
     note_retests(connection, chain, serials)
+    count_hours(connection, chain, note_first(connection, chain, serials).union(hours))
 
 
 def _removed(connection: Connection, chain: str, runs: Sequence[str]) -> tuple[set[str], set[str]]:
@@ -230,6 +230,7 @@ def _run_row(  # noqa: PLR0917 - a run as the chain, its manifest and its result
         "valid": said["state"] == COMPLETE and not (objected or altered),
         "hour": hour_of(manifest.started),
         "again": False,
+        "first": False,
         "fixture": manifest.bench.fixture or "",
         "lock_angle_deg": None if result is None else result.lock_angle_deg,
     }
@@ -249,6 +250,7 @@ def _damaged_rows(run: RunRecord, chain: Chain, created: Entry | None, sealed: E
             "valid": False,
             "hour": "",
             "again": False,
+            "first": False,
             "altered": text,
             "seen": seen(f"{run.folder}/{MANIFEST}"),
         }

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import NamedTuple
 
 from station.documents.events import LeftState
-from station.documents.manifest import STATES
+from station.documents.manifest import INJECTED, SIMULATED, STATES
 from station.records import run_record
 from station.run.screen.progress import signed
 from station.store.attempts import ALTERED
@@ -39,7 +39,10 @@ NO_VERDICT = "–"
 OUTCOMES = ("PASS", "FAIL", "NOT DECIDABLE", *STATES, run_record.NOT_CONCLUDED, ALTERED)
 """What may have become of an earlier attempt."""
 
-ATTEMPT = re.compile(rf"attempt (?P<number>\d+)(?: (?P<outcome>{'|'.join(OUTCOMES)}))?(?: (?P<failed>.+))?")
+ATTEMPT = re.compile(
+    rf"attempt (?P<number>\d+)(?: (?P<aside>{SIMULATED}|{INJECTED}))?(?: (?P<outcome>{'|'.join(OUTCOMES)}))?"
+    r"(?: (?P<failed>.+))?"
+)
 """An attempt as a record says it."""
 
 
@@ -82,7 +85,8 @@ def _attempt_said(part: str, say: Words) -> str:
     if found is None:
         return say(part)
     said = say("attempt {number}", number=found["number"])
-    return " ".join(word for word in (said, say(found["outcome"] or ""), found["failed"]) if word)
+    of_it = (say(found[name] or "") for name in ("aside", "outcome"))
+    return " ".join(word for word in (said, *of_it, found["failed"]) if word)
 
 
 def reason_said(text: str, say: Words) -> str:

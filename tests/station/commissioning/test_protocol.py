@@ -11,11 +11,15 @@ from definitions.commissioning import CHANGED, NOT_COMMISSIONED, STEP_BY_ID, STE
 from recipes import Bench
 from station.bench.commissioned import protocol_path, read_protocol, standings
 from station.bench.request import DRIVER_PROFILES, load_job
+from station.bench.virtual_unit import NOT_NAMED
 from station.commissioning.on_wires import OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import Figure, Finding
 from station.errors import RecordError, StationError
+from station.reports.headline import manifest_badges
 from station.reports.result_notes import note_lines
+from station.run.new_record import Wanted, new_record
+from station.store.retention import class_of
 
 WRONG = Finding(what="The contact is inverted.", cure="Use the other contact.")
 
@@ -161,6 +165,20 @@ def test_no_run_starts_by_itself_on_a_real_drive_whose_watchdogs_nobody_has_meas
 def test_a_virtual_drive_needs_no_proof(bench_file: Path) -> None:
     assert not load_job("rv-40e-121-quick", str(bench_file)).no_automatic_run
     assert not load_job("rv-40e-121-quick", "virtual").no_automatic_run
+
+
+@pytest.mark.parametrize(("name", "told"), [("bench_file", True), ("real_bench", False)])
+def test_a_run_on_the_virtual_drive_is_of_a_virtual_unit_whoever_started_its_bench(
+    request: pytest.FixtureRequest, tmp_path: Path, name: str, *, told: bool
+) -> None:
+    """A virtual bench that was started by itself passed as a real one, and its units as the production."""
+    job = load_job("rv-40e-121-quick", str(request.getfixturevalue(name)))
+    record = new_record(tmp_path / "runs", job, Wanted("REAL1", None, None, None, clock="wall"), notes=[])
+    record.lock.close()
+    manifest = record.manifest()
+    assert manifest.unit.virtual == (NOT_NAMED if told else None)
+    assert bool(manifest_badges(manifest)) is told
+    assert class_of(manifest) == ("virtual" if told else "product")
 
 
 def test_a_step_that_nobody_has_done_stands_so() -> None:

@@ -96,10 +96,17 @@ def test_any_serial_stays_inside_the_folder(tmp_path: Path, serial: str) -> None
     assert store.find(serial).id == run.id
 
 
-@pytest.mark.parametrize("serial", ["", "  ", "a\nb", "x" * 129])
+@pytest.mark.parametrize("serial", ["", "  ", "a\nb", "x" * 129, "W1 ", " W1", "W1\u3000", "\uff371", "A\u0308"])
 def test_serials_that_nobody_can_read_are_refused(serial: str) -> None:
     with pytest.raises(StationError, match="--serial"):
         check_serial(serial)
+
+
+def test_a_stored_run_is_found_by_a_serial_number_that_no_new_run_may_have(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    for serial in ("W1 ", "\uff371"):
+        assert store.find(new_run(store, serial).id).serial() == serial
+        assert store.find(serial).serial() == serial
 
 
 def test_runs_are_found_by_id_part_serial_and_last(tmp_path: Path) -> None:

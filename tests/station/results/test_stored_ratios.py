@@ -15,6 +15,7 @@ from stored_runs import metric, store_run
 from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes import RecipeError, check, load_recipe, parse_bench, shipped_benches, warnings
 from station.bench.figures import figures_of
+from station.bench.virtual_unit import NOT_NAMED
 from station.cli import app
 from station.errors import StationError
 
@@ -188,6 +189,9 @@ def test_a_virtual_unit_is_one_whatever_its_serial_numbers_are(tmp_path: Path) -
     with pytest.raises(StationError, match=r"U0 and .*U2 measured the same virtual unit, P1:1. Name .*different units"):
         command(tmp_path, "U0", "U1", "U2")
     assert command(tmp_path, "U0", "U1", "U3")
+    for number in range(4, 6):
+        store_run(tmp_path, f"U{number}", VALUES, calibration=ratio(-2.0 - number), day=number, virtual=NOT_NAMED)
+    assert command(tmp_path, "U0", "U4", "U5"), "nobody knows which units these were"
 
 
 def test_runs_of_several_recipes_or_revisions_have_no_mean(data: Path) -> None:

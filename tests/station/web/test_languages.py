@@ -15,6 +15,7 @@ from definitions.image import State
 from definitions.jog import PHASES
 from definitions.metrics import METRICS
 from definitions.states import row_of
+from station.documents.manifest import INJECTED, SIMULATED
 from station.records.clocks import CLOCK_TEXTS
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
 from station.reports.content import PASSED
@@ -203,6 +204,8 @@ def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_i
     )
     own = operator.RETEST_REASONS[0]
     assert attempts_said(f"attempt 2; measured again: {own}", words_of("de")).endswith(words_of("de")(own))
+    for aside in (SIMULATED, INJECTED):
+        assert aside not in attempts_said(f"attempt 1 {aside} PASS", words_of("zh"))
     for outcome in words.OUTCOMES:
         assert attempts_said(f"attempt 1 {outcome}", words_of("zh")) != f"attempt 1 {outcome}"
         assert outcome not in attempts_said(f"attempt 1 {outcome}", words_of("zh"))

@@ -44,7 +44,7 @@ def test_what_failed_stands_first(folder: Path) -> None:
     assert {(row.id, row.side) for row in found.rows[:2]} == {("backlash_width_3pct", side) for side in ("+", "-")}
     assert verdicts[:2] == ["FAIL", "FAIL"]
     assert "FAIL" not in verdicts[2:]
-    assert "attempt 2; attempt 1 FAIL Backlash" in found.html
+    assert "attempt 2; attempt 1 simulated FAIL Backlash" in found.html
     assert SCRIPT not in found.html
     places = loop_curves(Store(folder).find("W1")).places
     read_at = {found.rows[place.row].id: place.spans_nm for place in places}

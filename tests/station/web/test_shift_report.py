@@ -31,7 +31,9 @@ def stored(**entries: Any) -> StoredRun:
 def row(serial: str, attempt: int, verdict: str | None, hour: int, **more: str | None) -> RunTableRow:
     started = f"2026-01-05T{hour:02}:00:00.000+00:00"
     known = {"run": f"R{hour}", "started": started, "state": "complete", "scenario": None}
-    return RunTableRow(stored(**known | {"serial": serial, "attempt": attempt, "verdict": verdict} | more))
+    return RunTableRow(
+        stored(**known | {"serial": serial, "attempt": attempt, "first": attempt == 1, "verdict": verdict} | more)
+    )
 
 
 ROWS = [

@@ -323,7 +323,7 @@ def test_a_scan_is_its_serial_number(scanned: str, serial: str) -> None:
 @pytest.mark.parametrize(
     "scanned",
     ["", " \r\n", "ä", "SN\x071", "x" * 129, "]C10109501101530003", "]d2010950110153000310LOT721SN-1", "]d299X",
-     "(01)09501101530003", "(21)", "]d201095011", "(21)SN-1)"],
+     "(01)09501101530003", "(21)", "]d201095011", "(21)SN-1)", f"]d221SN-1 {GS}10LOT7"],
 )  # fmt: skip
 def test_what_is_no_serial_number_is_refused(scanned: str) -> None:
     with pytest.raises(ScanError):

@@ -72,7 +72,7 @@ def upgrade() -> None:
     where: sa.ColumnElement[bool] = sa.literal_column("again")
     op.create_index("runs_again", "runs", list(AGAIN), sqlite_where=where, postgresql_where=where)
     _make_hours(text)
-    tell_sizes(connection)  # the hours are counted when their tables are those of today: see v0008
+    tell_sizes(connection)  # the hours are counted when their tables are those of today: see v0010
 
 
 def _order_texts(connection: sa.Connection) -> None:

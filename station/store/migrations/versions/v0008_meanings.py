@@ -10,7 +10,6 @@ from typing import Any
 import sqlalchemy as sa
 from alembic import op
 
-from station.store.plant.hours import count_all_hours
 from station.store.plant.meanings import Meaning, number_of
 from station.store.plant.months import MONTH, make_months, make_rest
 from station.store.plant.sizes import tell_sizes
@@ -59,8 +58,7 @@ def upgrade() -> None:
     op.drop_index("runs_again", "runs")
     op.create_index("runs_again", "runs", list(AGAIN), sqlite_where=where, postgresql_where=where)
     _make_hours(text)
-    tell_sizes(connection)
-    count_all_hours(connection)
+    tell_sizes(connection)  # the hours are counted when their tables are those of today: see v0010
 
 
 def _said(name: str, table: str) -> str:

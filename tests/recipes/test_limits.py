@@ -44,6 +44,31 @@ def test_a_limit_that_no_unit_can_fail_is_refused(metric):
     assert problem in check(loaded, default_bench(loaded)[1])
 
 
+EMPTY = {
+    "{id: backlash_width_3pct, max: }": "metrics[0].max",
+    "{id: backlash_width_3pct, max: null}": "metrics[0].max",
+    "{id: stiffness_lsq, min: 95 N·m/arcmin, max: ~}": "metrics[0].max",
+    "{id: lost_motion, max: 1 arcmin, max_standard_deviation: }": "metrics[0].max_standard_deviation",
+    "{id: lost_motion, max: 1 arcmin, tolerance: }": "metrics[0].tolerance",
+    "{id: lost_motion, max: 1 arcmin, band: }": "metrics[0].band",
+}
+
+
+@pytest.mark.parametrize("metric", EMPTY)
+def test_an_option_with_nothing_behind_it_is_refused_where_it_would_decide(metric):
+    loaded = recipe(metric)  # a record that has such a recipe opens
+    (problem,) = check_alone(loaded)
+    assert problem.option == EMPTY[metric]
+    assert problem in check(loaded, default_bench(loaded)[1])
+
+
+@pytest.mark.parametrize(("where", "option"), [("decision:", "guard_factor"), ("interlocks:", "torque_rate")])
+def test_an_empty_option_is_refused_in_every_section(where, option):
+    text = INVERSE.replace(f"\n{where}\n", f"\n{where}\n  {option}:\n")
+    loaded = parse_recipe(text.encode(), "r.yaml")
+    assert [problem.option for problem in check(loaded, default_bench(loaded)[1])] == [f"{where[:-1]}.{option}"]
+
+
 IMPLAUSIBLE = {
     "{id: backlash_width_3pct, max: 1 deg}": "found 60 arcmin for 'backlash_width_3pct'; usual is one from 0.01 arcmin",
     "{id: backlash_width_3pct, max: 1 arcsec}": None,

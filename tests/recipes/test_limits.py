@@ -88,6 +88,11 @@ IMPLAUSIBLE = {
     "{id: torque_ratio_slope, min: 9.4}": "found 9.4 for 'torque_ratio_slope'; usual is one from 60.5 to 123.4",
     "{id: torque_ratio_offset, min: 25 N·m}": "found 25 N·m for 'torque_ratio_offset'",
     "{id: torque_ratio_offset, min: -2500 N·m}": "found -2500 N·m",
+    "{id: lost_motion, band: 0.03 %, max: 0.3 arcmin}": "a band of 0.03 %",
+    "{id: lost_motion, band: 30 %, max: 0.3 arcmin}": "a band of 30 %",
+    "{id: lost_motion, band: 0.03 %}": None,
+    "{id: lost_motion, band: 1 %, max: 0.3 arcmin}": None,
+    "{id: lost_motion, band: 10 %, max: 0.3 arcmin}": None,
 }
 
 
@@ -98,6 +103,15 @@ def test_a_limit_that_is_not_usual_is_told_and_not_refused(metric):
     told = [one.as_warning() for one in warnings(loaded)]
     assert len(told) == (words is not None), told
     assert words is None or words in told[0]
+
+
+@pytest.mark.parametrize(("reference", "told"), [("30 %", True), ("3 N·m", True), ("50 %", False), ("412 N·m", False)])
+def test_a_reference_torque_far_from_the_rated_one_is_told_where_something_is_limited(reference, told):
+    text = INVERSE.replace("\nmeasurement:\n", f"\nmeasurement:\n  reference_torque: {reference}\n")
+    loaded = parse_recipe(text.encode(), "r.yaml")
+    assert [one.option for one in warnings(loaded)] == ["measurement.reference_torque"] * told
+    unlimited = text[: text.index("metrics:")] + "metrics:\n  - {id: grade}\n\n" + text[text.index("validity:") :]
+    assert warnings(parse_recipe(unlimited.encode(), "r.yaml")) == []
 
 
 @pytest.mark.parametrize("name", shipped_recipes())

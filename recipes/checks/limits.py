@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
+from definitions.method import LEAST_USUAL_GUARD
 from definitions.metrics import METRICS, USUAL_BAND, USUAL_REFERENCE, Metric, Scale, Share
 from definitions.units import FRACTION, TORQUE
 from recipes.checks.expectations import Finding
@@ -72,6 +73,7 @@ def _spread_of_one_cycle(recipe: Recipe) -> Iterator[Finding]:
 def implausible_limits(recipe: Recipe) -> Iterator[Finding]:
     """Limits that may be meant, but look like a wrong unit, a slipped digit, or the wrong side."""
     yield from _torques_to_read_at(recipe)
+    yield from _narrow_guard_band(recipe)
     for index, metric in enumerate(recipe.metrics):
         row, option = METRICS[metric.id], ("metrics", index)
         decides = DECIDES[row.bad.side]
@@ -101,6 +103,15 @@ def _torques_to_read_at(recipe: Recipe) -> Iterator[Finding]:
         found = f"{show(torque_nm, TORQUE)}, {show(reference, FRACTION, 3)} of rated_torque"
         hint = "Check the number: percentages of the metrics are of this torque."
         yield Finding(("measurement", "reference_torque"), found, f"one {_from_to(USUAL_REFERENCE)} of it", hint)
+
+
+def _narrow_guard_band(recipe: Recipe) -> Iterator[Finding]:
+    """A guard band that is next to none: it decides as the rule `simple` does, under another name."""
+    factor = recipe.decision.guard_factor
+    if recipe.decision.rule == "guard_band" and factor < LEAST_USUAL_GUARD:
+        allowed = f"{LEAST_USUAL_GUARD:g} or more, 95 % one-sided confidence"
+        hint = "Delete it for that, or write 'rule: simple' where U is to be ignored."
+        yield Finding(("decision", "guard_factor"), f"{factor:g}", allowed, hint)
 
 
 def _from_to(share: Share) -> str:

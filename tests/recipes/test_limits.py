@@ -114,6 +114,18 @@ def test_a_reference_torque_far_from_the_rated_one_is_told_where_something_is_li
     assert warnings(parse_recipe(unlimited.encode(), "r.yaml")) == []
 
 
+@pytest.mark.parametrize(("rule", "told"), [
+    ("guard_band\n  guard_factor: 0", True),
+    ("guard_band\n  guard_factor: 0.5", True),
+    ("guard_band\n  guard_factor: 0.82", False),
+    ("simple", False),
+])  # fmt: skip
+def test_a_guard_band_that_is_next_to_none_is_told(rule, told):
+    loaded = parse_recipe(INVERSE.replace("rule: guard_band ", f"rule: {rule} ").encode(), "r.yaml")
+    assert loaded.decision.rule == rule.split()[0]
+    assert [one.option for one in warnings(loaded)] == ["decision.guard_factor"] * told
+
+
 @pytest.mark.parametrize("name", shipped_recipes())
 def test_the_limits_of_shipped_recipes_are_usual(name):
     loaded = parse_recipe(shipped_recipes()[name].read_bytes(), name)

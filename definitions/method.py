@@ -19,5 +19,8 @@ LeftOpenErrors = Literal["told", "budget"]
 ONE_SIDED_95 = 1.645 / 2.0
 """Guard factor r of w = r·U for 95 % one-sided confidence when U is expanded with k = 2 (JCGM 106)."""
 
+LEAST_USUAL_GUARD = 0.82
+"""`ONE_SIDED_95` as people write it; what a smaller guard factor decides within U is told beside the verdict."""
+
 DIFFERENT_SPEED = 1.2
 """Fastest over slowest cycle from which the delay between torque and angle is estimated."""

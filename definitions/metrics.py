@@ -102,6 +102,24 @@ class Usual(NamedTuple):
     """Largest value there is: a `max` from it on never fails."""
 
 
+class Share(NamedTuple):
+    """Range in which a torque that metrics are read at usually lies, as a fraction of another one."""
+
+    least: float
+    most: float
+
+    def holds(self, fraction: float) -> bool:
+        """Say whether a fraction is usual; a conversion of units may round it."""
+        return self.least * (1.0 - 1e-9) <= fraction <= self.most * (1.0 + 1e-9)
+
+
+USUAL_BAND = Share(0.01, 0.10)
+"""Of the reference torque: catalogues have 3 to 5 %. Nearer to zero a worn unit shows no play, whatever the limit."""
+
+USUAL_REFERENCE = Share(0.5, 1.25)
+"""Of the rated torque: what percentages of metrics stand for. A loop over less torque has less play and more slope."""
+
+
 class Bad(NamedTuple):
     """Side on which a unit is bad, and what a value that is too low and one that is too high mean."""
 

@@ -138,6 +138,17 @@ class GageStudy:
     tolerance_pct: float | None
     ndc: int
 
+    @property
+    def worse_pct(self) -> float:
+        """The share that judges: of the total spread or of the tolerance, whichever is larger."""
+        return self.grr_pct.value if self.tolerance_pct is None else max(self.grr_pct.value, self.tolerance_pct)
+
+    @property
+    def shares(self) -> str:
+        """The shares in words."""
+        of_tolerance = "" if self.tolerance_pct is None else f", {self.tolerance_pct:.3g} % of the tolerance"
+        return f"{self.grr_pct.value:.3g} % of the total spread{of_tolerance}"
+
 
 def analyse_gage_study(
     design: GageDesign, tolerance: float | None = None, level: float = 0.95, pool_above: float = POOL_ABOVE

@@ -74,7 +74,7 @@ def master_part_trend(
 
     days: time of each, rising; baseline: how many of the first make the limits; reference: certified value and its
     standard uncertainty. A trend counts when its p value is below 1 − level. Raises AnalysisError for fewer than 5 in
-    the baseline, lengths that differ, times that do not rise, or values that never change.
+    the baseline, lengths that differ, times that do not rise, values that never change, or a reference without numbers.
     """
     when, row = checked_row(days, "master part: days", 3), checked_row(values, "master part: values", 3)
     checked_level(level)
@@ -82,6 +82,11 @@ def master_part_trend(
         raise AnalysisError(f"master part: {when.size} days for {row.size} values; expected one day for each value")
     if (np.diff(when) < 0.0).any() or when[-1] <= when[0]:
         raise AnalysisError("master part: the days do not rise; sort the measurements by time")
+    if reference is not None and not (math.isfinite(reference[0]) and 0.0 <= reference[1] < math.inf):
+        raise AnalysisError(
+            f"master part: certified value {reference[0]:g} with a standard uncertainty of {reference[1]:g}; expected "
+            "numbers, and an uncertainty of 0 or more. Enter both as the certificate has them"
+        )
     if not LEAST_BASELINE <= baseline <= row.size:
         raise AnalysisError(
             f"master part: baseline of {baseline} in {row.size} values; expected {LEAST_BASELINE} or more. Measure "

@@ -88,12 +88,12 @@ def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: d
         findings += [finding for row in CHECKS for finding in row(recipe, bench)]
         day = today or datetime.now(tz=UTC).date()
         findings += [finding for row in DATED_CHECKS for finding in row(recipe, bench, day)]
-    return _problems(recipe, findings, path)
+    return _problems(recipe, [*findings, *_empty_options(recipe)], path)
 
 
 def check_alone(recipe: Recipe, path: str | Path | None = None) -> list[Problem]:
-    """Return what speaks against a recipe whatever the bench: limits that no unit can fail."""
-    return _problems(recipe, idle_limits(recipe), path)
+    """Return what speaks against a recipe whatever the bench: limits that no unit can fail, and empty options."""
+    return _problems(recipe, [*idle_limits(recipe), *_empty_options(recipe)], path)
 
 
 def warnings(recipe: Recipe, bench: Bench | None = None, path: str | Path | None = None) -> list[Problem]:
@@ -121,6 +121,15 @@ def out_of_date(recipe: Recipe, bench: Bench, day: date) -> list[str]:
     """Return in words what of the bench, that this recipe measures by, was not in date on a day."""
     findings = (finding for row in DATED_CHECKS for finding in row(recipe, bench, day))
     return [f"{finding.found}; expected {finding.allowed}" for finding in findings]
+
+
+def _empty_options(recipe: Recipe) -> Iterator[Finding]:
+    """Options without a value: such a limit decides nothing, where its author meant to add a number.
+
+    Refused here and not when a recipe is read: records have such recipes, and go on opening.
+    """
+    for option in recipe.empty_options():
+        yield Finding(option, "nothing", "a value", "Write it, or delete the option.")
 
 
 def _other_side(recipe: Recipe, bench: Bench) -> Iterator[Finding]:

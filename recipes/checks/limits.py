@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
-from definitions.metrics import METRICS, Metric, Scale
+from definitions.method import LEAST_USUAL_GUARD
+from definitions.metrics import METRICS, USUAL_BAND, USUAL_REFERENCE, Metric, Scale, Share
+from definitions.units import FRACTION, TORQUE
 from recipes.checks.expectations import Finding
 from recipes.checks.measurement import MEASURED
 from recipes.schema.bench_schema import Bench
 from recipes.schema.metric_schema import MetricWanted
 from recipes.schema.recipe_schema import Recipe
+from recipes.text.quantity import show
 
 SIDES = ("min", "max")
 LEAST_CYCLES = 2
@@ -69,6 +72,8 @@ def _spread_of_one_cycle(recipe: Recipe) -> Iterator[Finding]:
 
 def implausible_limits(recipe: Recipe) -> Iterator[Finding]:
     """Limits that may be meant, but look like a wrong unit, a slipped digit, or the wrong side."""
+    yield from _torques_to_read_at(recipe)
+    yield from _narrow_guard_band(recipe)
     for index, metric in enumerate(recipe.metrics):
         row, option = METRICS[metric.id], ("metrics", index)
         decides = DECIDES[row.bad.side]
@@ -82,6 +87,35 @@ def implausible_limits(recipe: Recipe) -> Iterator[Finding]:
         yield from (
             found for side, limit in given.items() for found in _out_of_range(recipe, index, metric, side, limit, row)
         )
+
+
+def _torques_to_read_at(recipe: Recipe) -> Iterator[Finding]:
+    """Torques at which limited metrics are read: at another one a unit with too much of it may pass."""
+    limited = [(index, metric) for index, metric in enumerate(recipe.metrics) if metric.limited]
+    for index, metric in limited:
+        if metric.band is not None and not USUAL_BAND.holds(metric.band):
+            found = f"a band of {show(metric.band, FRACTION)} for the limit of '{metric.id}'"
+            allowed = f"one {_from_to(USUAL_BAND)} of the reference torque"
+            yield Finding(("metrics", index, "band"), found, allowed, "Check the number: the limit is for this band.")
+    torque_nm = recipe.measurement.reference_torque_nm
+    reference = torque_nm / recipe.unit_under_test.rated_torque_nm
+    if limited and not USUAL_REFERENCE.holds(reference):
+        found = f"{show(torque_nm, TORQUE)}, {show(reference, FRACTION, 3)} of rated_torque"
+        hint = "Check the number: percentages of the metrics are of this torque."
+        yield Finding(("measurement", "reference_torque"), found, f"one {_from_to(USUAL_REFERENCE)} of it", hint)
+
+
+def _narrow_guard_band(recipe: Recipe) -> Iterator[Finding]:
+    """A guard band that is next to none: it decides as the rule `simple` does, under another name."""
+    factor = recipe.decision.guard_factor
+    if recipe.decision.rule == "guard_band" and factor < LEAST_USUAL_GUARD:
+        allowed = f"{LEAST_USUAL_GUARD:g} or more, 95 % one-sided confidence"
+        hint = "Delete it for that, or write 'rule: simple' where U is to be ignored."
+        yield Finding(("decision", "guard_factor"), f"{factor:g}", allowed, hint)
+
+
+def _from_to(share: Share) -> str:
+    return f"from {show(share.least, FRACTION)} to {show(share.most, FRACTION)}"
 
 
 def _out_of_range(  # noqa: PLR0917 - a limit, where it stands, and what it is held against

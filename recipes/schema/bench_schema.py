@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import date
 from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
@@ -202,6 +203,24 @@ class Bench(Section):
                 raise refusal(
                     f"'{serial}' a second time", "each master part once", "Delete one.", f"master_parts.{place}"
                 )
+        return self
+
+    @model_validator(mode="after")
+    def _each_calibration_by_itself(self) -> Bench:
+        """The newest one of a model is used: of two of one day nobody could say which, nor of one id which was used."""
+        ids: dict[str, Calibration] = {}
+        days: dict[tuple[str, date], Calibration] = {}
+        for place, one in enumerate(self.calibrations):
+            at = f"calibrations.{place}"
+            if ids.setdefault(one.id, one) is not one:
+                first = ids[one.id]
+                found = f"'{one.id}' of {one.model}, made {one.made}, and of {first.model}, made {first.made}"
+                raise refusal(found, "an id for each calibration", "Rename or delete one.", at=f"{at}.id")
+            first = days.setdefault((one.model, one.made), one)
+            if first is not one:
+                found = f"'{first.id}' and '{one.id}' of {one.model}, both made {one.made}"
+                hint = "The newest one is used: delete the one that does not hold."
+                raise refusal(found, "one calibration of a model in a day", hint, at=f"{at}.made")
         return self
 
     @property

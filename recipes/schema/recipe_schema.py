@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from typing import Annotated, Any, Literal
 
 from pydantic import Field, PrivateAttr, StringConstraints, ValidationInfo, field_validator, model_validator
@@ -207,6 +208,11 @@ class Recipe(Section):
         if self._source is None:
             return Problem(self.recipe.name, 1, 1, dotted(option), found, allowed, hint)
         return self._source.problem(option, found, allowed, hint)
+
+    def empty_options(self) -> Iterator[OptionPath]:
+        """Yield the options that its file has with nothing behind them; a step may stand there by its name alone."""
+        found = () if self._source is None else self._source.empty_options()
+        return (option for option in found if (option[0], len(option)) != ("sequence", 3))
 
     def with_source(self, source: Source) -> Recipe:
         """Return this recipe with the places of its options."""

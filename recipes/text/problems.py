@@ -6,7 +6,7 @@ package. It carries every problem of a document, so that a file is put right in 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -131,6 +131,10 @@ class Source:
                 return mark
         return Mark(1, 1, 1, 1)
 
+    def empty_options(self) -> Iterator[OptionPath]:
+        """Yield the options that are written with nothing behind them."""
+        return _empty(self.data, ())
+
     def problem(
         self, option: OptionPath, found: str, allowed: str, hint: str = "", *, at_name: bool = False
     ) -> Problem:
@@ -138,6 +142,14 @@ class Source:
         mark = self.nearest_mark(option)
         line, column = (mark.name_line, mark.name_column) if at_name else (mark.line, mark.column)
         return Problem(self.path, line, column, dotted(option), found, allowed, hint)
+
+
+def _empty(data: Any, place: OptionPath) -> Iterator[OptionPath]:
+    inside = data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ()
+    for part, value in inside:
+        if value is None:
+            yield (*place, part)
+        yield from _empty(value, (*place, part))
 
 
 def dotted(option: OptionPath) -> str:

@@ -10,6 +10,7 @@ from analysis.loop.method import Decision
 from analysis.validity.judge import is_loose
 from definitions.checks import CHECKS
 from definitions.commissioning import CHANGED, UNFINISHED
+from definitions.method import LEAST_USUAL_GUARD
 from definitions.metrics import SIDED
 from definitions.protections import MISSING
 from station.documents.manifest import MASTER
@@ -90,22 +91,28 @@ def _whole_name(metric: MetricValue) -> str:
 
 
 def within_uncertainty(result: Result) -> list[str]:
-    """Return one note on what the rule `simple` decided nearer to a limit than its uncertainty; none where nothing."""
-    if result.decision.rule != "simple":
+    """Return one note on what was decided nearer to a limit than its uncertainty; none where nothing.
+
+    The rule `simple` decides so, and a guard band that is narrower than usual.
+    """
+    guarded, factor = result.decision.rule == "guard_band", result.decision.guard_factor
+    if guarded and factor >= LEAST_USUAL_GUARD:
         return []
+    why = f"guard_factor {factor:g}, usual is {LEAST_USUAL_GUARD:g} or more" if guarded else "rule simple ignores U"
+    used = Decision("guard_band", factor) if guarded else Decision("simple")
     said = [
         f"{metric_name(row)} {number(row.value, row.uncertainty)} {uncertainty_text(row)} "
         f"(limit {limits_text(metric.limits)})"
         for metric in result.metrics
         for row in (on_side(metric, side, found) for side, found in metric.sides.items())
-        if row.uncertainty is not None and _undecided(row)
+        if row.uncertainty is not None and _undecided(row, FULL_GUARD) and not _undecided(row, used)
     ]
-    return [f"decided within the uncertainty of the limit (rule simple ignores U): {', '.join(said)}"] if said else []
+    return [f"decided within the uncertainty of the limit ({why}): {', '.join(said)}"] if said else []
 
 
-def _undecided(row: MetricValue) -> bool:
+def _undecided(row: MetricValue, decision: Decision) -> bool:
     limits = row.limits.min, row.limits.max
-    return judge(row.value, row.uncertainty, limits, FULL_GUARD)[0] is Verdict.NOT_DECIDABLE
+    return judge(row.value, row.uncertainty, limits, decision)[0] is Verdict.NOT_DECIDABLE
 
 
 def not_cross_checked(result: Result) -> list[str]:

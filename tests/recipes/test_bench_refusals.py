@@ -78,6 +78,26 @@ BENCH_CASES = {
 }
 
 
+def calibrations(*entries: tuple[str, str, str]) -> str:
+    lines = ", ".join(
+        f"{name}: {{slope: 94.7, offset: -13.9 N·m}}"
+        for name in ("load_positive", "unload_positive", "load_negative", "unload_negative")
+    )
+    rows = (
+        f"  - {{id: {one}, model: {model}, made: {made}, due: 2027-01-01, {lines}}}\n" for one, model, made in entries
+    )
+    return BENCH.replace("calibrations: []", "calibrations:\n" + "".join(rows))
+
+
+def test_calibrations_that_cannot_be_told_apart_are_refused_by_their_names() -> None:
+    apart = calibrations(("a", "M", "2026-01-01"), ("b", "M", "2026-01-02"), ("c", "N", "2026-01-01"))
+    assert parse_bench(apart.encode(), "b.yaml").newest_calibration("M").id == "b"
+    (day,) = problems(calibrations(("a", "M", "2026-01-01"), ("b", "M", "2026-01-01")), parse_bench)
+    assert "calibrations[1].made: found 'a' and 'b' of M, both made 2026-01-01" in day
+    (name,) = problems(calibrations(("a", "M", "2026-01-01"), ("a", "N", "2026-02-01")), parse_bench)
+    assert "calibrations[1].id: found 'a' of N, made 2026-02-01, and of M, made 2026-01-01" in name
+
+
 @pytest.mark.parametrize("name", BENCH_CASES)
 def test_wrong_bench_files(name):
     old, new, words = BENCH_CASES[name]

@@ -44,6 +44,31 @@ def test_a_limit_that_no_unit_can_fail_is_refused(metric):
     assert problem in check(loaded, default_bench(loaded)[1])
 
 
+EMPTY = {
+    "{id: backlash_width_3pct, max: }": "metrics[0].max",
+    "{id: backlash_width_3pct, max: null}": "metrics[0].max",
+    "{id: stiffness_lsq, min: 95 N·m/arcmin, max: ~}": "metrics[0].max",
+    "{id: lost_motion, max: 1 arcmin, max_standard_deviation: }": "metrics[0].max_standard_deviation",
+    "{id: lost_motion, max: 1 arcmin, tolerance: }": "metrics[0].tolerance",
+    "{id: lost_motion, max: 1 arcmin, band: }": "metrics[0].band",
+}
+
+
+@pytest.mark.parametrize("metric", EMPTY)
+def test_an_option_with_nothing_behind_it_is_refused_where_it_would_decide(metric):
+    loaded = recipe(metric)  # a record that has such a recipe opens
+    (problem,) = check_alone(loaded)
+    assert problem.option == EMPTY[metric]
+    assert problem in check(loaded, default_bench(loaded)[1])
+
+
+@pytest.mark.parametrize(("where", "option"), [("decision:", "guard_factor"), ("interlocks:", "torque_rate")])
+def test_an_empty_option_is_refused_in_every_section(where, option):
+    text = INVERSE.replace(f"\n{where}\n", f"\n{where}\n  {option}:\n")
+    loaded = parse_recipe(text.encode(), "r.yaml")
+    assert [problem.option for problem in check(loaded, default_bench(loaded)[1])] == [f"{where[:-1]}.{option}"]
+
+
 IMPLAUSIBLE = {
     "{id: backlash_width_3pct, max: 1 deg}": "found 60 arcmin for 'backlash_width_3pct'; usual is one from 0.01 arcmin",
     "{id: backlash_width_3pct, max: 1 arcsec}": None,
@@ -63,6 +88,11 @@ IMPLAUSIBLE = {
     "{id: torque_ratio_slope, min: 9.4}": "found 9.4 for 'torque_ratio_slope'; usual is one from 60.5 to 123.4",
     "{id: torque_ratio_offset, min: 25 N·m}": "found 25 N·m for 'torque_ratio_offset'",
     "{id: torque_ratio_offset, min: -2500 N·m}": "found -2500 N·m",
+    "{id: lost_motion, band: 0.03 %, max: 0.3 arcmin}": "a band of 0.03 %",
+    "{id: lost_motion, band: 30 %, max: 0.3 arcmin}": "a band of 30 %",
+    "{id: lost_motion, band: 0.03 %}": None,
+    "{id: lost_motion, band: 1 %, max: 0.3 arcmin}": None,
+    "{id: lost_motion, band: 10 %, max: 0.3 arcmin}": None,
 }
 
 
@@ -73,6 +103,27 @@ def test_a_limit_that_is_not_usual_is_told_and_not_refused(metric):
     told = [one.as_warning() for one in warnings(loaded)]
     assert len(told) == (words is not None), told
     assert words is None or words in told[0]
+
+
+@pytest.mark.parametrize(("reference", "told"), [("30 %", True), ("3 N·m", True), ("50 %", False), ("412 N·m", False)])
+def test_a_reference_torque_far_from_the_rated_one_is_told_where_something_is_limited(reference, told):
+    text = INVERSE.replace("\nmeasurement:\n", f"\nmeasurement:\n  reference_torque: {reference}\n")
+    loaded = parse_recipe(text.encode(), "r.yaml")
+    assert [one.option for one in warnings(loaded)] == ["measurement.reference_torque"] * told
+    unlimited = text[: text.index("metrics:")] + "metrics:\n  - {id: grade}\n\n" + text[text.index("validity:") :]
+    assert warnings(parse_recipe(unlimited.encode(), "r.yaml")) == []
+
+
+@pytest.mark.parametrize(("rule", "told"), [
+    ("guard_band\n  guard_factor: 0", True),
+    ("guard_band\n  guard_factor: 0.5", True),
+    ("guard_band\n  guard_factor: 0.82", False),
+    ("simple", False),
+])  # fmt: skip
+def test_a_guard_band_that_is_next_to_none_is_told(rule, told):
+    loaded = parse_recipe(INVERSE.replace("rule: guard_band ", f"rule: {rule} ").encode(), "r.yaml")
+    assert loaded.decision.rule == rule.split()[0]
+    assert [one.option for one in warnings(loaded)] == ["decision.guard_factor"] * told
 
 
 @pytest.mark.parametrize("name", shipped_recipes())

@@ -41,7 +41,7 @@ SPREADS = {
 
 GOOD_PCT, FAIR_PCT = 10.0, 30.0
 LEAST_NDC = 5
-"""AIAG: below 10 % good, up to 30 % for some uses, five categories or more."""
+"""AIAG: below 10 % good, up to 30 % for some uses, of total spread and tolerance; five categories or more."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -132,9 +132,8 @@ def _studied(design: GageDesign, stored: StoredValues | None, given: float | Non
     anova = analyse_gage_study(design, tolerance, level)
     ranges = analyse_average_range(design, tolerance, level)
     name, unit = ("", "") if stored is None else (stored.name, stored.unit)
-    share = anova.grr_pct.value
     values = Values(name, unit, [], None, stored)
-    return Side(values, (design, tolerance, anova, ranges), share, f"{share:.3g} % of the total spread")
+    return Side(values, (design, tolerance, anova, ranges), anova.worse_pct, anova.shares)
 
 
 def _listed(file: Path, ask: Ask | None, data: Path) -> list[tuple[GageDesign, StoredValues | None]]:
@@ -223,7 +222,7 @@ def gage_blocks(
                           ("repeatability", anova.repeatability))
     ]  # fmt: skip
     pooled = "pooled with the repeatability" if anova.pooled else "kept apart"
-    share = anova.grr_pct.value
+    share = anova.worse_pct
     words = "good" if share < GOOD_PCT else "fit for some uses" if share <= FAIR_PCT else "not fit"
     few = "" if anova.ndc >= LEAST_NDC else f", and tells {anova.ndc} groups of parts apart; {LEAST_NDC} are needed"
     interval = f"{level:.0%} interval"
@@ -233,5 +232,5 @@ def gage_blocks(
         Grid(("source", "sum of squares", "freedom", "mean square"), sources, right=(1, 2, 3)),
         f"interaction: p = {anova.p_interaction:.3g}, {pooled}",
         Grid(("", "by variance", interval, "by range", interval), rows, right=(1, 3)),
-        f"The gage is {words} by AIAG: {share:.3g} % of the total spread{few}" if spread else NO_SPREAD,
+        f"The gage is {words} by AIAG: {anova.shares}{few}" if spread else NO_SPREAD,
     ]

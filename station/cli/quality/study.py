@@ -10,7 +10,6 @@ from pathlib import Path
 from analysis.line.gage_study import AverageRange, GageStudy
 from station.bench.request import load_job
 from station.cli.line.gage import gage_blocks
-from station.cli.line.line_statistics import figure
 from station.cli.quality.quality import NOT_SO, type_one_blocks
 from station.cli.say import Grid, say
 from station.documents.study import StudyPlan
@@ -92,7 +91,7 @@ def _printed(one: Figure) -> TypeOneFigure | PrintedGageStudy:
         tolerance=one.tolerance,
         anova=one.anova,
         average_range=one.average_range,
-        others=one.others,
+        others=tuple((name, other.grr_pct.value) for name, other in one.others),
     )
 
 
@@ -175,9 +174,7 @@ def _blocks(one: Figure, found: Standing, level: float) -> list[str | Grid]:
         return type_one_blocks(one, float(found.plan.share), level)
     side = "" if one.side == "both" else f" side {one.side}"
     blocks = [f"{one.metric}{side}", *gage_blocks(one.design, one.anova, one.average_range, one.unit, level)]
-    blocks += [
-        f"The worse side. Side {name} has {figure(share, '%', 3)} of the total spread" for name, share in one.others
-    ]
+    blocks += [f"The worse side. Side {name} has {other.shares}" for name, other in one.others]
     return blocks + (["VIRTUAL: units of the virtual bench"] if found.plan.virtual else [])
 
 

@@ -24,7 +24,7 @@ MOST_TOLD = 6
 
 @dataclass(frozen=True)
 class GageFigure:
-    """A gage study of one metric over the side with the larger share of the gage; others: other sides and theirs, %."""
+    """A gage study of one metric over the side with the larger share of the gage; others: the studies of the others."""
 
     metric: str
     side: str
@@ -33,7 +33,7 @@ class GageFigure:
     tolerance: float | None
     anova: GageStudy
     average_range: AverageRange
-    others: tuple[tuple[str, float], ...]
+    others: tuple[tuple[str, GageStudy], ...]
 
 
 Figure = TypeOneFigure | GageFigure
@@ -111,9 +111,9 @@ def _gage(production: Production, standing: Standing, metric: StudyMetric, level
             [cell.operator for cell, _ in cells], [cell.part for cell, _ in cells], [value for _, value in cells]
         )
         found.append((analyse_gage_study(design, tolerance, level), design, side))
-    found.sort(key=lambda one: -one[0].grr_pct.value)
+    found.sort(key=lambda one: -one[0].worse_pct)
     anova, design, side = found[0]
-    others = tuple((name, other.grr_pct.value) for other, _, name in found[1:])
+    others = tuple((name, other) for other, _, name in found[1:])
     ranges = analyse_average_range(design, tolerance, level)
     return GageFigure(metric.id, side, first.metric.unit, design, tolerance, anova, ranges, others)
 

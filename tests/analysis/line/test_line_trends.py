@@ -68,6 +68,14 @@ def test_bias_against_the_certificate() -> None:
     assert [signal.rule for signal in found.signals] == ["bias"]
 
 
+@pytest.mark.parametrize("reference", [(np.nan, 0.005), (np.inf, 0.005), (0.9, np.nan), (0.9, np.inf), (0.9, -0.005)])
+def test_a_certified_value_that_is_no_number_is_refused(reference: tuple[float, float]) -> None:
+    """Against none of them a bias would ever show."""
+    with pytest.raises(AnalysisError, match="certified value"):
+        master_part_trend(DAYS, steady(), reference=reference)
+    assert master_part_trend(DAYS, steady(), reference=(0.94, 0.0)).u_bias_expanded
+
+
 @pytest.mark.parametrize(
     ("days", "values", "baseline", "said"),
     [

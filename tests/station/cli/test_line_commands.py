@@ -159,6 +159,19 @@ def test_the_published_gage_study(capsys: pytest.CaptureFixture[str]) -> None:
     assert (found["anova"]["ndc"], found["average_range"]["ndc"]) == (4, 5)
 
 
+@pytest.mark.parametrize(("tolerance", "words"), [(None, "good"), (0.2, "fit for some uses"), (0.05, "not fit")])
+def test_a_gage_is_no_better_than_its_share_of_the_tolerance(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], tolerance: float | None, words: str
+) -> None:
+    values = [
+        (part, who, part + 0.005 * (trial + (who == "B"))) for part in range(4) for who in "AB" for trial in (0, 1)
+    ]
+    rows = [f"{who},{part},{value}" for part, who, value in values]
+    study = csv(tmp_path, "\n".join(["operator,part,value", *rows]))
+    command_gage.gage(study, None, DATA, "day", (tolerance, 0.95), as_json=False)
+    assert f"The gage is {words} by AIAG" in capsys.readouterr().out
+
+
 def test_repeats_that_all_read_the_same_make_no_good_gage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     rows = [f"{who},{part},{part}.5" for who in "AB" for part in (1, 2, 3) for _ in range(2)]
     command_gage.gage(

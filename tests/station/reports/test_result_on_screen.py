@@ -173,23 +173,35 @@ def test_wider_validity_limits_stand_above_the_other_notes() -> None:
     assert note_lines(result(gates=gates[1:2])) == []
 
 
-@pytest.mark.parametrize("rule", ["simple", "guard_band"])
-def test_what_simple_acceptance_decides_within_its_uncertainty_is_said(rule: str) -> None:
+NARROW = "guard_factor {:g}, usual is 0.82 or more"
+FAR, NEAR = "backlash_width_3pct side + 0.90 ± 0.16 (limit ≤ 1)", "backlash_width_3pct side − 0.97 ± 0.16 (limit ≤ 1)"
+
+
+@pytest.mark.parametrize(
+    ("rule", "factor", "why", "names"),
+    [
+        ("simple", 0.0, "rule simple ignores U", [FAR, NEAR]),
+        ("simple", 0.8225, "rule simple ignores U", [FAR, NEAR]),
+        ("guard_band", 0.0, NARROW.format(0), [FAR, NEAR]),
+        ("guard_band", 0.5, NARROW.format(0.5), [FAR]),
+        ("guard_band", 0.82, "", []),
+        ("guard_band", 1.0, "", []),
+    ],
+)
+def test_what_is_decided_within_its_uncertainty_is_said(rule: str, factor: float, why: str, names: list[str]) -> None:
     def side(value: float, uncertainty: float | None) -> dict[str, Any]:
         return {"value": value, "uncertainty": uncertainty, "verdict": "PASS"}
 
     limits = {"min": None, "max": 1.0}
-    sides = {"+": side(0.97, 0.16), "-": side(0.97, 0.02)}
+    sides = {"+": side(0.9, 0.16), "-": side(0.97, 0.16)}
     both = metric(id="backlash_width_3pct", branch="both", limits=limits, sides=sides)
+    known = metric(id="gear_clearance", branch="both", limits=limits, sides={"both": side(0.97, 0.02)})
     free = metric(id="windup", branch="both", sides={"both": side(9.0, 0.1)})
     unknown = metric(id="lost_motion", branch="both", limits=limits, sides={"both": side(0.99, None)})
-    found = result(decision={"rule": rule, "guard_factor": 0.0}, metrics=[both, free, unknown])
-    said = (
-        "decided within the uncertainty of the limit (rule simple ignores U): "
-        "backlash_width_3pct side + 0.97 ± 0.16 (limit ≤ 1)"
-    )
-    assert note_lines(found) == ([said] if rule == "simple" else [])
-    assert (said[1:] in rule_text(found)) == (rule == "simple")
+    found = result(decision={"rule": rule, "guard_factor": factor}, metrics=[both, known, free, unknown])
+    said = [f"decided within the uncertainty of the limit ({why}): {', '.join(names)}"] if names else []
+    assert note_lines(found) == said
+    assert [one for one in said if one[1:] in rule_text(found)] == said
 
 
 def sided(name: str, *sides: str, limit: float | None = 108.0, **changes: Any) -> dict[str, Any]:

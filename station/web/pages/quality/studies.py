@@ -80,10 +80,8 @@ def _words(figure: Figure) -> str:
             f"{one.cg_high:.2f}), Cgk {one.cgk:.2f} ({one.cgk_low:.2f} … {one.cgk_high:.2f}); 1.33 is needed. "
             f"{one.measurements} measurements, bias {one.bias:.3g}, standard deviation {one.sd:.3g}"
         )
-    share = figure.anova.tolerance_pct
-    tolerance = "" if share is None else f", {share:.3g} % of the tolerance"
     return (
-        f"{figure.metric} side {figure.side}: gage {figure.anova.grr_pct.value:.3g} % of the total spread{tolerance}; "
+        f"{figure.metric} side {figure.side}: gage {figure.anova.shares}; "
         f"the bench tells {figure.anova.ndc} groups of parts apart"
     )
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from station.documents.manifest import MANIFEST, Manifest
+from station.documents.manifest import MANIFEST, ChainPlace, Manifest
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import CREATED, Entry
 
@@ -22,6 +22,11 @@ class BegunBy(NamedTuple):
 def beginning_of(chain: Chain, run: str) -> Entry | None:
     """Return the signed line that begins a run; None where there is none."""
     return next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
+
+
+def is_named_by(manifest: Manifest, chain: Chain, created: Entry) -> bool:
+    """Whether run.json names this line of the chain as the one that begins its run."""
+    return manifest.chain == ChainPlace(id=chain.id, counter=created.counter, previous=created.fields["previous"])
 
 
 def not_begun_by(manifest: Manifest, found: BegunBy) -> list[str]:

@@ -15,11 +15,11 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from station.atomic_file import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
-from station.documents.manifest import ChainPlace, Checksum, Manifest, PackedSamples
+from station.documents.manifest import Checksum, Manifest, PackedSamples
 from station.documents.reading import document_in
 from station.documents.result import Decided
 from station.errors import RecordError
-from station.records.begun_by import BegunBy, beginning_of, not_begun_by, unlike_its_line
+from station.records.begun_by import BegunBy, beginning_of, is_named_by, not_begun_by, unlike_its_line
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import SEALED as SEALED_ENTRY
 from station.records.chain.entries import Entry
@@ -143,19 +143,13 @@ def refuse_second_seal(record: RunRecord, manifest: Manifest, chain: Chain) -> N
     if manifest.chain is None:
         known = not chain.there or (chain.before is not None and run in chain.before.unconcluded)
     else:
-        known = any(begins(one, chain, manifest.chain) for one in chain.entries_of(run))
+        created = beginning_of(chain, run)
+        known = created is not None and is_named_by(manifest, chain, created)
     if not known:
         raise RecordError(
             f"{place}: {chain.data / CHAIN} has no entry that begins this run. Put the folder back into the data "
             "folder in which it was begun, and conclude it there"
         )
-
-
-def begins(entry: Entry, chain: Chain, place: ChainPlace) -> bool:
-    """Whether this is the entry that begins a run which names this place of the chain."""
-    if entry.kind != CREATED or not entry.signed:
-        return False
-    return place == ChainPlace(id=chain.id, counter=entry.counter, previous=entry.fields["previous"])
 
 
 def data_folder(record: RunRecord) -> Path:
@@ -332,7 +326,7 @@ def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry
     created = beginning_of(chain, run)
     if created is None:
         return [f"{CHAIN}: has no entry that begins this run"]
-    if manifest.chain is None or not begins(created, chain, manifest.chain):
+    if not is_named_by(manifest, chain, created):
         return [f"{MANIFEST}: does not name the entry of {CHAIN} that begins this run"]
     if not whole_between(chain, created, sealed):
         return [f"{CHAIN}: entries between the beginning and the end of this run were removed or changed"]

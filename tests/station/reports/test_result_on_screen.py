@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,7 @@ from made_documents import checks, metric, result
 from rich.console import Console
 
 from definitions.checks import CHECKS
+from station.cli.say import Grid, print_grid
 from station.documents.entries import plain
 from station.documents.manifest import MASTER
 from station.reports.content import checks_line
@@ -140,6 +142,45 @@ def test_no_run_id_is_cut_off_and_no_line_is_too_long(width: int, fits: bool) ->
     if fits:
         assert max(len(line.rstrip()) for line in text.splitlines()) <= width
     assert ("scans" in text) == (width == 130 or not fits)
+
+
+WHY = (
+    "backlash_width_3pct side + 1.166 is above its limit, and the attempt before was stopped by hand at " + "9 N·m " * 9
+)
+GRIDS = {
+    "numbers": Grid(
+        ("metric", "limit", "n", "mean", "Cpk", "95%", "no verdict", "other side"),
+        [(f"stiffness_{one}", "≤ 1 arcmin", "10", f"{one}04.8 N·m/arcmin", "45.1", f"−0.0{one}31 … 0.37{one}",
+          "0", "0.156") for one in range(3, 7)],
+        right=(2, 3, 4, 5, 6, 7),
+    ),
+    "texts": Grid(
+        ("run", "serial", "attempt", "recipe", "verdict", "problems, attempts before"),
+        [(f"20261127T113311.632Z-MASTER-{one}", f"MASTER-{one}", str(one), "rv-40e-121-quick", "NOT DECIDABLE", WHY)
+         for one in range(10, 14)],
+        right=(2,),
+    ),
+    "one word": Grid(("", ""), [("file", "/runs/" + "long" * 60)]),
+    "no rows": Grid(("run", "why", "n"), [], right=(2,)),
+    "nothing": Grid(("run", "why"), [("", ""), ("x", "")], right=(1,)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GRIDS)
+@pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize("width", [40, 80, 110, 200])
+def test_no_cell_of_a_table_is_cut_and_no_number_is_folded(name: str, width: int, *, terminal: bool) -> None:
+    stream, grid = io.StringIO(), GRIDS[name]
+    print_grid(Console(file=stream, width=width, force_terminal=terminal, color_system=None), grid)
+    text = stream.getvalue()
+    said, cells = Counter(word.rstrip(";") for word in text.split()), [cell for row in grid.rows for cell in row]
+    assert Counter(" ".join(cells).split()) <= said
+    assert all(row[number] in text for row in grid.rows for number in grid.right)
+    lines = text.splitlines()
+    if terminal and name != "one word":
+        assert max((len(line.rstrip()) for line in lines), default=0) <= width
+    elif not terminal and WHY not in cells:
+        assert len(lines) == 1 + len(list(grid.rows))
 
 
 def test_the_help_loads_nothing_heavy() -> None:

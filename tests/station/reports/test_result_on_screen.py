@@ -23,7 +23,7 @@ from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
 from station.reports.result_notes import MOST_NOTES, check_lines, note_lines, summary_lines
-from station.reports.result_view import titled_name
+from station.reports.result_view import metrics_table, titled_name
 from station.run.run_list import RunRow, print_runs
 
 ROOT = Path(__file__).parents[3]
@@ -261,3 +261,11 @@ def test_what_was_judged_on_one_side_of_two_is_said(metrics: list[dict[str, Any]
     found = result(decision={"rule": "guard_band", "guard_factor": 1.0}, metrics=metrics)
     assert note_lines(found) == ([f"judged on one side only: {said}"] if said else [])
     assert (f"one side only: {said}." in rule_text(found)) == bool(said)
+
+
+def test_on_a_narrow_terminal_a_metric_keeps_its_whole_name() -> None:
+    stream, limits = io.StringIO(), {"min": None, "max": 1.0}
+    near = metric(id="backlash_width_3pct", limits=limits, verdict="NOT DECIDABLE", uncertainty=0.61)
+    Console(file=stream, width=55).print(metrics_table([near]))
+    assert "…" not in stream.getvalue()
+    assert "NOT DECIDABLE" in stream.getvalue()

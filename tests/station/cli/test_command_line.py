@@ -159,6 +159,15 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert "┤" in shown
 
 
+def test_the_steps_of_a_check_stand_in_columns_and_its_lines_are_not_too_long() -> None:
+    lines = here("check", "rv-40e-121-measurement").out.splitlines()
+    assert max(map(len, lines[1:])) <= 110
+    head = next(number for number, line in enumerate(lines) if line.split()[:2] == ["step", "start"])
+    steps = lines[head : lines.index("", head)]
+    assert any("fatigue cycle" in line for line in steps)
+    assert {len(line) for line in steps} == {len(lines[head])}
+
+
 def test_all_problems_of_a_recipe_come_at_once(tmp_path: Path) -> None:
     text = (ROOT / RECIPE).read_text().replace("loading: input", "loading: inputt", 1).replace("count: 3", "count: 0")
     recipe = tmp_path / "bad.yaml"

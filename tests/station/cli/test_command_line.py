@@ -55,6 +55,12 @@ def test_every_command_has_help(name: str) -> None:
     assert name in done.out
 
 
+def test_a_recovery_is_not_said_to_default_to_the_virtual_bench() -> None:
+    told = " ".join(here("recover", "--help").out.split())
+    assert "--bench FILE" in told
+    assert "virtual bench" not in told
+
+
 BAD = (
     (("run", "nothing.yaml"), "nothing.yaml"),
     (("run", RECIPE, "--serial", ""), "--serial"),

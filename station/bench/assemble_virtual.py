@@ -98,10 +98,14 @@ LACKING: dict[str, tuple[Callable[[str, str], bool], str, str]] = {
     WALL: (
         lambda target, verb: (target, verb) in NOT_BY_WALL_CLOCK,
         "a fault that is possible by the wall clock",
-        "leave --wall-clock out, or --wires",
+        "Leave --wall-clock out, or --wires",
     ),
     SCAN: (lambda _target, _verb: False, "", ""),
-    VIRTUAL: (only_over_wires, "a fault that is not for wires only", "run it over wires"),
+    VIRTUAL: (
+        only_over_wires,
+        "a fault that virtual time can have",
+        "Run it over wires: add --wires to 'faults run', or leave --virtual-time out of 'run'",
+    ),
 }
 """Whether a clock cannot have a fault, what is allowed, and what to do."""
 

@@ -6,9 +6,10 @@ import json
 import sys
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
+from rich.cells import cell_len
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -16,18 +17,22 @@ from rich.text import Text
 from station.documents.entries import plain
 from station.reports.result_view import result_console
 
+GAP = 2
+
+NARROWEST = 24
+"""Characters that a column of text keeps where it is folded: in fewer, a sentence cannot be read."""
+
 
 @dataclass(frozen=True)
 class Grid:
-    """A table for a person: heads and rows of text; columns whose number is in `right` stand to the right.
+    """A table for a person: heads and rows of text; columns whose number is in `right` are numbers, at the right.
 
-    Where it is too wide, the last column wraps and others are cut; `folded`: none is cut.
+    Nothing is ever cut, and no number is folded, for a part of a number is another number.
     """
 
     heads: Sequence[str]
     rows: Iterable[Sequence[str]]
     right: Sequence[int] = ()
-    folded: bool = False
 
 
 def say(document: object, blocks: Sequence[str | Grid], *, as_json: bool) -> int:
@@ -43,19 +48,83 @@ def say(document: object, blocks: Sequence[str | Grid], *, as_json: bool) -> int
         if isinstance(block, str):
             console.print(block, highlight=False, markup=False)
         else:
-            _print_grid(console, block)
+            print_grid(console, block)
     return 0
 
 
-def _print_grid(console: Console, grid: Grid) -> None:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    for number, head in enumerate(grid.heads):
-        last = number == len(grid.heads) - 1
-        justify: Literal["left", "right"] = "right" if number in grid.right else "left"
-        table.add_column(Text(head), justify=justify, no_wrap=not (last or grid.folded), overflow="fold")
-    for row in grid.rows:
-        table.add_row(*(Text(cell) for cell in row))
+def print_grid(console: Console, grid: Grid) -> None:
+    """Print a table: on a terminal within its width, into a file or a pipe as wide as it needs.
+
+    What is too wide is folded between words: on a terminal columns of text and the heads of numbers, into a file the
+    last column if it is text, so that a row stays one line. On a terminal that is too narrow for that, a row is a
+    paragraph.
+    """
+    rows = [tuple(row) for row in grid.rows]
+    columns = list(zip(grid.heads, *rows, strict=True))
+    widest = [max(_line_width(cell) for cell in cells) for cells in columns]
+    least = [
+        _least_width(cells, is_number=number in grid.right)
+        if console.is_terminal or (number == len(columns) - 1 and number not in grid.right)
+        else widest[number]
+        for number, cells in enumerate(columns)
+    ]
+    widths = _folded(widest, least, console.width - GAP * (len(columns) - 1))
+    needed = sum(widths) + GAP * (len(columns) - 1)
+    if console.is_terminal and needed > console.width:
+        for row in rows:
+            _print_paragraph(console, grid.heads, row)
+        return
+    table = Table(box=None, padding=(0, GAP, 0, 0), pad_edge=False, header_style="dim")
+    for number, (head, width) in enumerate(zip(grid.heads, widths, strict=True)):
+        table.add_column(Text(head), justify="right" if number in grid.right else "left", width=width, overflow="fold")
+    for row in rows:
+        table.add_row(*map(Text, row))
+    of_console = console.width
+    console.width = max(of_console, needed)
     console.print(table)
+    console.width = of_console
+
+
+def _line_width(cell: str) -> int:
+    return max(map(cell_len, cell.splitlines()), default=0)
+
+
+def _word_width(cell: str) -> int:
+    return max(map(cell_len, cell.split()), default=0)
+
+
+def _least_width(cells: Sequence[str], *, is_number: bool) -> int:
+    """Return the width to which a column, its head first, may be folded: no word is ever broken."""
+    if is_number:
+        return max([_word_width(cells[0]), *map(_line_width, cells[1:])])
+    return max(*map(_word_width, cells), min(NARROWEST, max(map(_line_width, cells))))
+
+
+def _folded(widest: Sequence[int], least: Sequence[int], room: int) -> list[int]:
+    """Return the widths of columns that fit into the room, as far as they may be folded: always the widest first."""
+    widths = list(widest)
+    while sum(widths) > room:
+        foldable = [number for number, width in enumerate(widths) if width > least[number]]
+        if not foldable:
+            break
+        widths[max(foldable, key=widths.__getitem__)] -= 1
+    return widths
+
+
+def _print_paragraph(console: Console, heads: Sequence[str], row: Sequence[str]) -> None:
+    """Print a row as its first cell and, below it, as many others side by side as fit, each behind its head."""
+    cells = [(f"{head}: " if head else "", cell) for head, cell in zip(heads, row, strict=True) if cell]
+    said = [Text.assemble((head, "dim"), cell) for head, cell in cells] or [Text()]
+    console.print(said[0], soft_wrap=True)
+    room = console.width - GAP
+    lines: list[Text] = []
+    for one in said[1:]:
+        if lines and lines[-1].cell_len + one.cell_len + 2 <= room:
+            lines[-1].append("; ").append(one)
+        else:
+            lines += one.wrap(console, max(room, _word_width(one.plain)))
+    for line in lines:
+        console.print(Text(" " * GAP).append(line), soft_wrap=True)
 
 
 def finite(value: Any) -> Any:

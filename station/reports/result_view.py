@@ -39,7 +39,7 @@ BADGE_STYLE = "bold white on magenta"
 def metrics_table(metrics: Sequence[MetricValue]) -> Table:
     """Return the metrics as a table, those that decide first, each by the side that judges it."""
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("metric")
+    table.add_column("metric", overflow="fold")
     table.add_column("value", justify="right", no_wrap=True)
     for name in ("", "unit", "limit", ""):
         table.add_column(name, no_wrap=True)

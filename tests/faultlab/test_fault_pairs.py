@@ -9,6 +9,7 @@ from lostmotion_command import here
 
 from faultlab.pairs.draw import DRAWN, SIZES, pair_of
 from faultlab.pairs.judge import clean, measure
+from station.cli.faults.pairs import wrong_text
 from virtual_bench.faults.scenario import Fault, Header, Scenario, When
 from virtual_bench.faults.vocabulary import FAULTS, ONLY_OVER_WIRES
 
@@ -77,3 +78,9 @@ def test_the_command_says_each_pair() -> None:
     assert one["peak_nm"] > 0.0
     assert len(one["faults"]) == 2
     assert set(clean()) >= {"backlash_width_3pct", "windup"}
+
+
+def test_how_many_pairs_are_wrong_is_no_number_of_a_pair() -> None:
+    assert wrong_text([0]) == "1 (pair 0)"
+    assert wrong_text([3, 17]) == "2 (pairs 3, 17)"
+    assert wrong_text([]) == "none"

@@ -60,7 +60,7 @@ def test_the_way_back_after_an_emergency_stop_does_not_hang_on_the_noise(seed, c
 
 @pytest.mark.parametrize("name", OVER_WIRES)
 def test_what_virtual_time_has_none_of_is_refused_there(name):
-    with pytest.raises(RecipeError, match="run it over wires"):
+    with pytest.raises(RecipeError, match="Run it over wires: add --wires"):
         command_faults.run(ROOT / "scenarios" / f"{name}.yaml", command_faults.How(), as_json=False)
 
 
@@ -71,7 +71,7 @@ def test_periods_are_missed_by_order_on_every_clock_but_the_wall(tmp_path):
         f"scenario: {{name: x}}\nfaults:\n  - {fault}\nexpect:\n  - {{event: missed_periods, within_scans: 47}}\n",
         encoding="utf-8",
     )
-    with pytest.raises(RecipeError, match="leave --wall-clock out"):
+    with pytest.raises(RecipeError, match="Leave --wall-clock out"):
         command_faults.run(path, command_faults.How(wires=True, wall_clock=True), as_json=False)
     assert command_faults.run(path, command_faults.How(), as_json=False) == 0
 
@@ -163,7 +163,7 @@ def test_what_needs_a_record_is_refused_in_virtual_time(guard_opened, tmp_path, 
         f"expect:\n  - {{{kind}: {value}}}\n",
         encoding="utf-8",
     )
-    with pytest.raises(RecipeError, match="run it over wires"):
+    with pytest.raises(RecipeError, match="Run it over wires: add --wires"):
         command_faults.run(path, command_faults.How(), as_json=False)
     assert "has no record" in judge(guard_opened, load_scenario(path))[-1], "nor does the plug-in believe it"
 

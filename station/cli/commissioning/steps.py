@@ -184,7 +184,7 @@ def registers(
         for row in seen.rows
     ]
     heads = [name.replace("_", " ") for name in FieldRow._fields]
-    blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7), folded=True)]
+    blocks: list[Block] = [Grid(heads, rows, right=(1, 5, 6, 7))]
     more = SaidOfRegisters(rows, seen.moved)
     if part is not None:
         say(more, [*blocks, *(f"{one.what} {one.cure}" for one in seen.findings)], as_json=as_json)

@@ -161,7 +161,7 @@ def _check_targets(source: Source, path: Path, scenario: Scenario, clock: str) -
         allowed = "what a run in virtual time has: it keeps no record of its own"
         raise RecipeError(
             [
-                source.problem(("expect", at, kind), kind, allowed, "run it over wires", at_name=True)
+                source.problem(("expect", at, kind), kind, allowed, "Run it over wires: add --wires", at_name=True)
                 for at, kind in asked
             ]
         )

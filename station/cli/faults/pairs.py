@@ -10,6 +10,7 @@ from dataclasses import asdict
 from functools import partial
 
 from faultlab.pairs.judge import Pair, measure_pair
+from station.counted import counted
 
 
 def pairs(seed: int, numbers: range, workers: int, *, as_json: bool) -> int:
@@ -26,14 +27,19 @@ def pairs(seed: int, numbers: range, workers: int, *, as_json: bool) -> int:
         sys.stdout.write(json.dumps({"seed": seed, "pairs": [asdict(one) for one in found]}, ensure_ascii=False) + "\n")
     else:
         verdicts = Counter(one.verdict for one in found)
-        counted = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items()))
+        each = ", ".join(f"{count} {verdict}" for verdict, count in sorted(verdicts.items()))
         peak_nm = max(one.peak_nm for one in found)
         opened_nm = max((one.opened_nm for one in found if one.opened_nm is not None), default=0.0)
         sys.stdout.write(
-            f"seed {seed}: {len(found)} pairs: {counted}; largest torque {peak_nm:.1f} N·m, lock opened at "
-            f"{opened_nm:.1f} N·m at most; wrong: {', '.join(map(str, bad)) or 'none'}\n"
+            f"seed {seed}: {counted(len(found), 'pair')}: {each}; largest torque {peak_nm:.1f} N·m, lock opened at "
+            f"{opened_nm:.1f} N·m at most; wrong: {wrong_text(bad)}\n"
         )
     return 1 if bad else 0
+
+
+def wrong_text(bad: list[int]) -> str:
+    """Return how many pairs are wrong, and by their numbers which; a number alone would be taken for a count."""
+    return f"{len(bad)} ({'pair' if len(bad) == 1 else 'pairs'} {', '.join(map(str, bad))})" if bad else "none"
 
 
 def line(one: Pair) -> str:

@@ -14,6 +14,7 @@ from rich.text import Text
 from analysis.line.spread import LEAST_RUNS, Repeatability, repeatability
 from recipes import Selection
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.cli.say import Grid, print_grid
 from station.counted import counted
 from station.documents.entries import plain
 from station.documents.result import Evaluation, MetricValue
@@ -77,7 +78,7 @@ def repeat(names: list[str], recipe: str | None, selection: Selection, data: Pat
         return 0
     console = result_console()
     console.print(f"{counted(len(results), 'run')}: {', '.join(found.runs)}", highlight=False, soft_wrap=True)
-    console.print(_table(found.metrics))
+    print_grid(console, _spread_grid(found.metrics))
     console.print()
     console.print(_definitions(results[0].metrics))
     return 0
@@ -163,17 +164,13 @@ def _spreads(results: Sequence[Evaluation]) -> list[MetricSpread]:
     return found
 
 
-def _table(metrics: Sequence[MetricSpread]) -> Table:
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("metric", no_wrap=True)
-    for name in ("mean", "sd over runs", "sd over cycles", "between runs"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
+def _spread_grid(metrics: Sequence[MetricSpread]) -> Grid:
+    rows = []
     for metric in metrics:
         one = metric.repeatability
         figures = (None,) * 4 if one is None else (one.mean, one.sd_runs, one.sd_cycles, one.sd_between)
-        table.add_row(metric_name(metric), *map(number, figures), unit_text(metric.unit))
-    return table
+        rows.append((metric_name(metric), *map(number, figures), unit_text(metric.unit)))
+    return Grid(("metric", "mean", "sd over runs", "sd over cycles", "between runs", "unit"), rows, right=(1, 2, 3, 4))
 
 
 def _definitions(metrics: Sequence[MetricValue]) -> Table:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+import textwrap
 from dataclasses import dataclass
 
 from definitions.metrics import METRICS
@@ -18,6 +19,7 @@ from station.documents.ratio import BenchHead
 from station.documents.result import Limits
 from station.plain_text import knows_braille
 from station.reports.result_text import limits_text
+from station.reports.result_view import result_console
 from station.run.screen.progress import clock
 
 
@@ -160,8 +162,7 @@ def check(recipe: str, bench: str | None, *, as_json: bool) -> int:
         return 0
     unit = job.recipe.unit_under_test
     peak = found.peak_torque_nm
-    lines = [
-        f"{job.recipe_source.path}: passed",
+    heads = [
         f"  {found.recipe.name} revision {found.recipe.revision}: {job.recipe.recipe.description}",
         f"  bench        {job.bench.bench.name} revision {job.bench.bench.revision}, load at the {job.recipe.loading}",
         f"  unit         {unit.model}, rated {unit.rated_torque_nm:g} N·m, ratio {unit.ratio:g}",
@@ -169,17 +170,27 @@ def check(recipe: str, bench: str | None, *, as_json: bool) -> int:
         f"  duration     {clock(found.duration_s)} min, {counted(found.segments, 'segment')}",
         f"  scan         every {found.period_ns / 1e6:g} ms",
         f"  decision     {rule_text(job.recipe)}",
+    ]
+    width = result_console().width
+    names = max(len(row.step) for row in found.steps)
+    lines = [
+        f"{job.recipe_source.path}: passed",
+        *(part for head in heads for part in _wrapped(head, width, 15)),
         "  metrics",
         *metric_lines(job.recipe),
         "",
-        f"    {'step':<12} {'start':>8} {'duration':>10} {'peak torque':>13}",
+        f"    {'step':<{names}} {'start':>8} {'duration':>10} {'peak torque':>13}",
         *(
-            f"    {row.step:<12} {row.start_s:>6.1f} s {row.duration_s:>8.1f} s {row.peak_torque_nm:>9.1f} N·m"
+            f"    {row.step:<{names}} {row.start_s:>6.1f} s {row.duration_s:>8.1f} s {row.peak_torque_nm:>9.1f} N·m"
             for row in found.steps
         ),
         "",
         plot(job.program.load_profile(), ("s", "N·m"), plain=not knows_braille(sys.stdout)),
-        *(f"WARNING  {text}" for text in job.warnings),
+        *(part for text in job.warnings for part in _wrapped(f"WARNING  {text}", width, 9)),
     ]
     sys.stdout.write("\n".join(lines) + "\n")
     return 0
+
+
+def _wrapped(line: str, width: int, indent: int) -> list[str]:
+    return textwrap.wrap(line, width, subsequent_indent=" " * indent, break_long_words=False, break_on_hyphens=False)

@@ -175,7 +175,12 @@ def resume(
 
 
 def recover(
-    bench: BenchOption = None,
+    bench: Annotated[
+        str | None,
+        typer.Option(
+            "--bench", metavar="FILE", help="Bench file or shipped bench. Default: the bench of the newest run."
+        ),
+    ] = None,
     data: DataOption = DEFAULT_DATA,
     yes: Annotated[
         bool, typer.Option("--yes", help="Recover the bench without a question. Only after you have checked the bench.")

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rich.console import Console
-from rich.table import Table
 
 from recipes import OWN, Selection
 from station.bench.request import trace_file
 from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.cli.say import Grid, print_grid
 from station.documents.entries import plain
 from station.documents.result import Evaluation, MetricValue, MonteCarlo, Result
 from station.errors import StationError
@@ -135,14 +135,8 @@ def show_monte_carlo(console: Console, metrics: Sequence[MetricValue]) -> None:
     if not drawn:
         console.print(NONE, highlight=False)
         return
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
-    table.add_column("metric", no_wrap=True)
-    for name in ("value", "U", "u", "Monte Carlo u", "interval"):
-        table.add_column(name, justify="right", no_wrap=True)
-    table.add_column("unit", no_wrap=True)
-    for row, found in drawn:
-        table.add_row(*_cells(row, found))
-    console.print(table)
+    heads = ("metric", "value", "U", "u", "Monte Carlo u", "interval", "unit")
+    print_grid(console, Grid(heads, [_cells(row, found) for row, found in drawn], right=(1, 2, 3, 4, 5)))
     console.print(MEANS.format(draws=drawn[0][1].draws), style="dim", highlight=False)
     left = [metric_name(row) for row in rows if row.monte_carlo is None]
     if left:

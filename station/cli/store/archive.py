@@ -183,7 +183,7 @@ def ask_archive(data: Path, sql: str, most: int, *, as_csv: bool, as_json: bool)
         writer.writerows([_cell(one) for one in row] for row in found.rows)
         return 0
     rows: list[Sequence[str]] = [["" if one is None else str(one) for one in row] for row in found.rows]
-    blocks: list[str | Grid] = [Grid(found.columns, rows, folded=True)]
+    blocks: list[str | Grid] = [Grid(found.columns, rows)]
     blocks.append(f"{counted(len(rows), 'row')}{', and more: raise --most' if found.more else ''}")
     plain_rows = [
         [one if isinstance(one, bool | int | float | None) else str(one) for one in row] for row in found.rows

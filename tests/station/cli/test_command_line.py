@@ -55,6 +55,12 @@ def test_every_command_has_help(name: str) -> None:
     assert name in done.out
 
 
+def test_a_recovery_is_not_said_to_default_to_the_virtual_bench() -> None:
+    told = " ".join(here("recover", "--help").out.split())
+    assert "--bench FILE" in told
+    assert "virtual bench" not in told
+
+
 BAD = (
     (("run", "nothing.yaml"), "nothing.yaml"),
     (("run", RECIPE, "--serial", ""), "--serial"),
@@ -157,6 +163,15 @@ def test_check_tells_duration_and_peak_torque() -> None:
     assert "w = 0.8225 U" in shown
     assert "453.2 N·m (110% of rated)" in shown
     assert "┤" in shown
+
+
+def test_the_steps_of_a_check_stand_in_columns_and_its_lines_are_not_too_long() -> None:
+    lines = here("check", "rv-40e-121-measurement").out.splitlines()
+    assert max(map(len, lines[1:])) <= 110
+    head = next(number for number, line in enumerate(lines) if line.split()[:2] == ["step", "start"])
+    steps = lines[head : lines.index("", head)]
+    assert any("fatigue cycle" in line for line in steps)
+    assert {len(line) for line in steps} == {len(lines[head])}
 
 
 def test_all_problems_of_a_recipe_come_at_once(tmp_path: Path) -> None:

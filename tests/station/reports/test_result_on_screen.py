@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import subprocess
 import sys
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -15,13 +16,14 @@ from made_documents import checks, metric, result
 from rich.console import Console
 
 from definitions.checks import CHECKS
+from station.cli.say import Grid, print_grid
 from station.documents.entries import plain
 from station.documents.manifest import MASTER
 from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
 from station.reports.result_notes import MOST_NOTES, check_lines, note_lines, summary_lines
-from station.reports.result_view import titled_name
+from station.reports.result_view import metrics_table, titled_name
 from station.run.run_list import RunRow, print_runs
 
 ROOT = Path(__file__).parents[3]
@@ -142,6 +144,45 @@ def test_no_run_id_is_cut_off_and_no_line_is_too_long(width: int, fits: bool) ->
     assert ("scans" in text) == (width == 130 or not fits)
 
 
+WHY = (
+    "backlash_width_3pct side + 1.166 is above its limit, and the attempt before was stopped by hand at " + "9 N·m " * 9
+)
+GRIDS = {
+    "numbers": Grid(
+        ("metric", "limit", "n", "mean", "Cpk", "95%", "no verdict", "other side"),
+        [(f"stiffness_{one}", "≤ 1 arcmin", "10", f"{one}04.8 N·m/arcmin", "45.1", f"−0.0{one}31 … 0.37{one}",
+          "0", "0.156") for one in range(3, 7)],
+        right=(2, 3, 4, 5, 6, 7),
+    ),
+    "texts": Grid(
+        ("run", "serial", "attempt", "recipe", "verdict", "problems, attempts before"),
+        [(f"20261127T113311.632Z-MASTER-{one}", f"MASTER-{one}", str(one), "rv-40e-121-quick", "NOT DECIDABLE", WHY)
+         for one in range(10, 14)],
+        right=(2,),
+    ),
+    "one word": Grid(("", ""), [("file", "/runs/" + "long" * 60)]),
+    "no rows": Grid(("run", "why", "n"), [], right=(2,)),
+    "nothing": Grid(("run", "why"), [("", ""), ("x", "")], right=(1,)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", GRIDS)
+@pytest.mark.parametrize("terminal", [True, False])
+@pytest.mark.parametrize("width", [40, 80, 110, 200])
+def test_no_cell_of_a_table_is_cut_and_no_number_is_folded(name: str, width: int, *, terminal: bool) -> None:
+    stream, grid = io.StringIO(), GRIDS[name]
+    print_grid(Console(file=stream, width=width, force_terminal=terminal, color_system=None), grid)
+    text = stream.getvalue()
+    said, cells = Counter(word.rstrip(";") for word in text.split()), [cell for row in grid.rows for cell in row]
+    assert Counter(" ".join(cells).split()) <= said
+    assert all(row[number] in text for row in grid.rows for number in grid.right)
+    lines = text.splitlines()
+    if terminal and name != "one word":
+        assert max((len(line.rstrip()) for line in lines), default=0) <= width
+    elif not terminal and WHY not in cells:
+        assert len(lines) == 1 + len(list(grid.rows))
+
+
 def test_the_help_loads_nothing_heavy() -> None:
     heavy = "numpy scipy matplotlib pydantic pyarrow reportlab rich.table analysis recipes canopen"
     code = f"import sys, station.cli; print([name for name in {heavy.split()!r} if name in sys.modules])"
@@ -232,3 +273,11 @@ def test_what_was_judged_on_one_side_of_two_is_said(metrics: list[dict[str, Any]
     found = result(decision={"rule": "guard_band", "guard_factor": 1.0}, metrics=metrics)
     assert note_lines(found) == ([f"judged on one side only: {said}"] if said else [])
     assert (f"one side only: {said}." in rule_text(found)) == bool(said)
+
+
+def test_on_a_narrow_terminal_a_metric_keeps_its_whole_name() -> None:
+    stream, limits = io.StringIO(), {"min": None, "max": 1.0}
+    near = metric(id="backlash_width_3pct", limits=limits, verdict="NOT DECIDABLE", uncertainty=0.61)
+    Console(file=stream, width=55).print(metrics_table([near]))
+    assert "…" not in stream.getvalue()
+    assert "NOT DECIDABLE" in stream.getvalue()

@@ -54,7 +54,10 @@ OPEN_UNKNOWN = (
     "'left_open: budget' needs the limit of this error from the check {check}, which did not apply: {text}; record "
     "what the check needs, or write 'left_open: told' in the recipe"
 )
-ONE_CYCLE = "The uncertainty is not known from one cycle; measure two cycles or more"
+ONE_CYCLE = (
+    "The uncertainty is not known from one cycle without the sensor specification of a bench; give the bench file "
+    "(--bench)"
+)
 
 
 class Measurement:

@@ -73,8 +73,9 @@ def test_bias_against_the_certificate() -> None:
     [
         (DAYS[:5], steady(), 5, "5 days for 30 values"),
         (DAYS[::-1], steady(), 5, "do not rise"),
-        (DAYS, steady(), 3, "expected 5 or more"),
-        (DAYS, steady(), 31, "baseline of 31 in 30 values"),
+        (DAYS, steady(), 3, "expected a baseline of 5 to 30"),
+        (DAYS, steady(), 31, "found 30 values, and a baseline of 31"),
+        (DAYS[:3], steady()[:3], 10, "found 3 values, and a baseline of 10; expected 5 values or more"),
         (DAYS, np.ones(30), 10, "identical"),
         (DAYS, np.full(30, np.inf), 10, "value 1 is inf"),
     ],

@@ -97,9 +97,9 @@ class Usual(NamedTuple):
     most: float
     of: Scale = Scale.OWN
     floor: float | None = 0.0
-    """Smallest value there is: a `min` up to it never fails."""
+    """Smallest value there is: a `min` up to it never fails, a `max` below it always does."""
     ceiling: float | None = None
-    """Largest value there is: a `max` from it on never fails."""
+    """Largest value there is: a `max` from it on never fails, a `min` above it always does."""
 
 
 class Share(NamedTuple):

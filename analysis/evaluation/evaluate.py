@@ -53,10 +53,16 @@ _CONVERSION = _Doubt(
 )
 
 
-_INTERRUPTED = _Doubt(
-    "with the steps at interrupted ramps. Without them",
-    "find the cause of the interruptions, and measure again",
-)
+FIND_CAUSE = "find the cause of the interruptions, and measure again"
+
+
+def _interrupted(found: str) -> _Doubt:
+    """Return the doubt about ramps that were interrupted; found: where, and what the record knows of it."""
+    return _Doubt(f"with the steps at interrupted ramps{_in_brackets(found)}. Without them", FIND_CAUSE)
+
+
+def _in_brackets(found: str) -> str:
+    return f" ({found})" if found else ""
 
 
 class _Measured(NamedTuple):
@@ -107,7 +113,8 @@ def evaluate(
         one = judged(wanted, side, measured, decision, invalid=invalid)
         limited = wanted.min is not None or wanted.max is not None
         converted = by_output if _misconverted(measured.budget) else ()
-        for doubt, others in ((_GAP, closed), (_CONVERSION, converted), (_INTERRUPTED, unbroken)):
+        broken = _interrupted("" if measurement is None else measurement.interruptions)
+        for doubt, others in ((_GAP, closed), (_CONVERSION, converted), (broken, unbroken)):
             if not others or not limited or row.calibration or invalid or one.verdict is not Verdict.PASS:
                 continue
             # Of the values alone: U was in the first judgement, and the budget moves hardly with them.
@@ -287,7 +294,8 @@ def _because(  # noqa: PLR0917 - what was found, and what it was held against
 def _what_helps(budget: Budget) -> str:
     """Say what makes an uncertainty smaller: more cycles, unless most of it is in all cycles alike."""
     if budget.coverage.why:
-        return f"U is stated with k = {budget.coverage.factor:g} because a ramp was interrupted; {_INTERRUPTED.remedy}"
+        where = _in_brackets(budget.coverage.found)
+        return f"U is stated with k = {budget.coverage.factor:g} because a ramp was interrupted{where}; {FIND_CAUSE}"
     largest = budget.rows[0] if budget.rows else None
     if largest is None or largest.quantity in OF_CYCLES:
         return "measure more cycles"

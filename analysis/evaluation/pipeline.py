@@ -114,7 +114,7 @@ def analyse(
         errors, stage = measurement_of(
             found, figures, by_output=by_output, draws=draws, late_s=late_s,
             zero_shifts_nm={name: nm for name, nm in moved.items() if nm is not None}, left_open=left_open,
-            holds=0 if facts is None else facts.holds,
+            holds=None if facts is None else facts.holds,
         )  # fmt: skip
         closed, unbroken = closed_loops(found), mended(found.loops, found.interruptions)
         metrics = tuple(

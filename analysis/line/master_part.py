@@ -63,6 +63,14 @@ class MasterPart:
         return not self.signals
 
 
+def _wrong_baseline(baseline: int, values: int) -> str:
+    """Say how many values there are and how many the baseline needs, and what to do."""
+    said = f"master part: found {values} values, and a baseline of {baseline}; expected"
+    if values < LEAST_BASELINE:
+        return f"{said} {LEAST_BASELINE} values or more. Measure the master part more often"
+    return f"{said} a baseline of {LEAST_BASELINE} to {values}. Choose another baseline, or measure more often"
+
+
 def master_part_trend(
     days: Sequence[float] | FloatArray,
     values: Sequence[float] | FloatArray,
@@ -88,10 +96,7 @@ def master_part_trend(
             "numbers, and an uncertainty of 0 or more. Enter both as the certificate has them"
         )
     if not LEAST_BASELINE <= baseline <= row.size:
-        raise AnalysisError(
-            f"master part: baseline of {baseline} in {row.size} values; expected {LEAST_BASELINE} or more. Measure "
-            f"the master part more often"
-        )
+        raise AnalysisError(_wrong_baseline(baseline, row.size))
     centre = float(row[:baseline].mean())
     sd = float(np.abs(np.diff(row[:baseline])).mean()) / MOVING_RANGE
     if not sd > 0.0:

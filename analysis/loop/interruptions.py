@@ -84,6 +84,12 @@ class Interruption(NamedTuple):
         """Torque at which the step is."""
         return (self.low_nm + self.high_nm) / 2.0
 
+    @property
+    def place(self) -> str:
+        """Say in words where it is: cycle, branch and torques."""
+        branch = "rising" if self.direction > 0 else "falling"
+        return f"cycle {self.cycle}, {branch} branch, {self.low_nm:.4g} to {self.high_nm:.4g} N·m"
+
 
 def interruptions_of(sides: Sequence[BranchSamples]) -> tuple[Interruption, ...]:
     """Return the interruptions of all branches that were loaded in one ramp."""
@@ -238,9 +244,7 @@ def interruption_records(some: Sequence[Interruption]) -> tuple[StageRecord, ...
     if not some:
         return ()
     words = "; ".join(
-        f"cycle {one.cycle}, {'rising' if one.direction > 0 else 'falling'} branch, {one.low_nm:.4g} to "
-        f"{one.high_nm:.4g} N·m, "
-        + ("step not known" if one.step_arcmin is None else f"step {one.step_arcmin:.2g} arcmin")
+        f"{one.place}, " + ("step not known" if one.step_arcmin is None else f"step {one.step_arcmin:.2g} arcmin")
         for one in some
     )
     steps = [abs(one.step_arcmin) for one in some if one.step_arcmin is not None]

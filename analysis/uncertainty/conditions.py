@@ -169,7 +169,7 @@ def line_name(sign: int, direction: int) -> str:
 
 def conditions_of(
     found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
-    left_open: Mapping[str, float] | None = None, holds: int = 0,
+    left_open: Mapping[str, float] | None = None, holds: int | None = None,
 ) -> MeasurementConditions:  # fmt: skip
     """Return how the first cycle of a measurement was made; what is named here is as in `MeasurementConditions`."""
     method, trace, loop = found.method, found.trace, found.loops[0]
@@ -198,7 +198,7 @@ def conditions_of(
         u_skew_s=found.skew.u_s or 0.0,
         late_s=late_s,
         interruptions=tuple(found.interruptions),
-        coverage=coverage_of(found.interruptions, holds),
+        coverage=coverage_of([one.place for one in found.interruptions], holds),
         cycles=len(found.loops),
         zero_shifts_nm=zero_shifts_nm or {},
         noise_seen_arcmin=noise_seen_arcmin(found),

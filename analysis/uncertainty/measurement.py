@@ -54,7 +54,10 @@ OPEN_UNKNOWN = (
     "'left_open: budget' needs the limit of this error from the check {check}, which did not apply: {text}; record "
     "what the check needs, or write 'left_open: told' in the recipe"
 )
-ONE_CYCLE = "The uncertainty is not known from one cycle; measure two cycles or more"
+ONE_CYCLE = (
+    "The uncertainty is not known from one cycle without the sensor specification of a bench; give the bench file "
+    "(--bench)"
+)
 
 
 class Measurement:
@@ -115,6 +118,11 @@ class Measurement:
         return self._circumstances.forward.timed and self._circumstances.backward.timed
 
     @property
+    def interruptions(self) -> str:
+        """Say where ramps were interrupted, and what the record knows of it; '' where none was."""
+        return self._circumstances.coverage.found
+
+    @property
     def why_none(self) -> str:
         """Say why a metric that has a value has no uncertainty, and what to do."""
         return ONE_CYCLE if self._loops is None else TOO_LARGE
@@ -137,7 +145,7 @@ def measurement_of(
     found: Measured, figures: SensorFigures | None, *,
     by_output: Sequence[Loop] = (), draws: int = 0, late_s: float = 0.0,
     zero_shifts_nm: Mapping[TorqueChannel, float] | None = None, left_open: Mapping[str, float | None] | None = None,
-    holds: int = 0,
+    holds: int | None = None,
 ) -> tuple[Measurement, StageRecord]:  # fmt: skip
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
@@ -145,7 +153,7 @@ def measurement_of(
     Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
     zero_shifts_nm: moves of the torque zeroes that were read again after the run. left_open: sizes of the errors that
     the checks leave open and the budget shall have, by check, None where nothing limits one; None for no such rows.
-    holds: how often a ramp of the run was held.
+    holds: how often a ramp of the run was held; None where nobody has asked.
     """
     sizes = {check: size for check, size in (left_open or {}).items() if size is not None}
     unlimited = None if left_open is None else [check for check, size in left_open.items() if size is None]

@@ -24,10 +24,14 @@ from analysis.trace.units import FloatArray
 
 
 class Coverage(NamedTuple):
-    """One row: factor k of U = k·u, and why it is this one; '' where nothing has to be said."""
+    """One row: factor k of U = k·u, and why it is this one; '' where nothing has to be said.
+
+    found: of one run, where its ramps were interrupted, and what the record knows of it.
+    """
 
     factor: float
     why: str = ""
+    found: str = ""
 
     @property
     def confidence(self) -> float:
@@ -50,16 +54,29 @@ COVERAGES = {
 USUAL = COVERAGES["through"]
 
 
-def coverage_of(interruptions: Sequence[object], holds: int) -> Coverage:
+MOST_PLACES = 4
+"""Places of interruptions that a reason names."""
+
+
+def coverage_of(places: Sequence[str], holds: int | None) -> Coverage:
     """Return the row of a run.
 
     Args:
-        interruptions: stretches of its measured branches that are left out, as their shape shows them.
-        holds: how often its ramps were held, as the record says. It knows those that no shape shows, as friction
-            reverses after a turn; and those of ramps that no metric is read from, whose unit has another past.
+        places: in words, the stretches of its measured branches that are left out, as their shape shows them.
+        holds: how often its ramps were held, as the record says; None where nobody has asked. It knows those that no
+            shape shows, as friction reverses after a turn; and those of ramps that no metric is read from, whose unit
+            has another past.
 
     """
-    return COVERAGES["interrupted"] if interruptions or holds else USUAL
+    return COVERAGES["interrupted"]._replace(found=_found(places, holds)) if places or holds else USUAL
+
+
+def _found(places: Sequence[str], holds: int | None) -> str:
+    ordered = {None: "", 0: "no hold was ordered: the torque itself stood or went back", 1: "one hold was ordered"}
+    said = ordered.get(holds, f"{holds} holds were ordered")
+    left = len(places) - MOST_PLACES
+    where = [*places[:MOST_PLACES], *([f"and {left} more"] if left > 0 else [])]
+    return "; ".join(filter(None, ("; ".join(where) or "no branch shows where", said)))
 
 
 CONFIDENCE = USUAL.confidence

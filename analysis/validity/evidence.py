@@ -32,7 +32,7 @@ class RunFacts:
     status said so. zeroes_again: samples of the torque zeroes that were read after the run, None in records of versions
     that read none; the zero shifts are their means, less the zeroes before the run. bench_waited: the bench was a
     virtual one that waits for the scan, so that nothing could be missed. holds: how often a ramp was held, by the
-    reaction that the record has; 0 too where nobody has asked.
+    reaction that the record has; None where nobody has asked.
     """
 
     periods: int
@@ -47,7 +47,7 @@ class RunFacts:
     zeroes_again: int | None = None
     torque_in_zero_shift_nm: float | None = None
     torque_out_zero_shift_nm: float | None = None
-    holds: int = 0
+    holds: int | None = None
 
     def zero_shift_nm(self, name: TorqueChannel) -> float | None:
         """Return by how much the zero of a torque channel moved in the run; None where it was not read again."""

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from recipes.checks.bus_load import check_line
 from recipes.checks.expectations import Finding
-from recipes.checks.limits import check_limits, idle_limits, implausible_limits
+from recipes.checks.limits import check_limits, idle_limits, implausible_limits, unmet_limits
 from recipes.checks.measurement import (
     check_ages,
     check_angle_agreement,
@@ -92,8 +92,8 @@ def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: d
 
 
 def check_alone(recipe: Recipe, path: str | Path | None = None) -> list[Problem]:
-    """Return what speaks against a recipe whatever the bench: limits that no unit can fail, and empty options."""
-    return _problems(recipe, [*idle_limits(recipe), *_empty_options(recipe)], path)
+    """Return what speaks against a recipe whatever the bench: limits that none can fail or meet, and empty options."""
+    return _problems(recipe, [*idle_limits(recipe), *unmet_limits(recipe), *_empty_options(recipe)], path)
 
 
 def warnings(recipe: Recipe, bench: Bench | None = None, path: str | Path | None = None) -> list[Problem]:

@@ -1,4 +1,4 @@
-"""Limits of the metrics against what they are for: one that never fails is refused, an implausible one is told."""
+"""Limits of the metrics against what they are for: one that never fails, or always, is refused; an odd one is told."""
 
 from __future__ import annotations
 
@@ -39,8 +39,9 @@ SCALES: dict[Scale, Callable[[Recipe], float]] = {
 
 
 def check_limits(recipe: Recipe, _bench: Bench) -> Iterator[Finding]:
-    """No limit is one that no unit can fail."""
+    """No limit is one that no unit can fail, or none can meet."""
     yield from idle_limits(recipe)
+    yield from unmet_limits(recipe)
     yield from _spread_of_one_cycle(recipe)
 
 
@@ -57,6 +58,27 @@ def idle_limits(recipe: Recipe) -> Iterator[Finding]:
             decides = DECIDES[row.bad.side]
             allowed = f"a {decides}" if decides == "max" else f"a min above {_said(floor, metric)}"
             yield _never(index, metric, "min", metric.min, allowed)
+
+
+def unmet_limits(recipe: Recipe) -> Iterator[Finding]:
+    """Limits that fail every unit: beyond the smallest or the largest value there is, or at it where none comes to it.
+
+    A grade is one of a table and comes to its ends; what is measured does not come to 0.
+    """
+    for index, metric in enumerate(recipe.metrics):
+        row = METRICS[metric.id]
+        floor, ceiling = row.usual.floor, row.usual.ceiling
+        reached = "from" if row.graded else "above"
+        if (
+            floor is not None
+            and metric.max is not None
+            and (metric.max < floor or (metric.max == floor and not row.graded))
+        ):
+            allowed = f"a max {reached} {_said(floor, metric)}, the smallest possible value"
+            yield _always(index, metric, "max", metric.max, allowed)
+        if ceiling is not None and metric.min is not None and metric.min > ceiling:
+            allowed = f"a min up to {_said(ceiling, metric)}, the largest possible value"
+            yield _always(index, metric, "min", metric.min, allowed)
 
 
 def _spread_of_one_cycle(recipe: Recipe) -> Iterator[Finding]:
@@ -136,6 +158,11 @@ def _out_of_range(  # noqa: PLR0917 - a limit, where it stands, and what it is h
 def _never(index: int, metric: MetricWanted, side: str, limit: float, allowed: str) -> Finding:
     found = f"{side} {_said(limit, metric)} for '{metric.id}', which no unit fails"
     return Finding(("metrics", index, side), found, allowed, "Correct it, or delete it where nothing is to be decided.")
+
+
+def _always(index: int, metric: MetricWanted, side: str, limit: float, allowed: str) -> Finding:
+    found = f"{side} {_said(limit, metric)} for '{metric.id}', which no unit meets"
+    return Finding(("metrics", index, side), found, allowed, "Correct the number and its sign.")
 
 
 def _said(value: float, metric: MetricWanted) -> str:

@@ -108,7 +108,7 @@ def _with_zeroes(counts: Counts, table: Table) -> Counts:
 def facts_of_counts(counts: Counts, period_ns: int, sampling: Sampling) -> RunFacts:
     """Return counts of a recording with what the recipe allows."""
     return RunFacts(
-        **(asdict(counts) | {"holds": counts.holds or 0}),
+        **asdict(counts),
         missed_allowed=sampling.missed_periods_fraction,
         sample_age_allowed_scans=round(sampling.sample_age_s * 1e9 / period_ns),
     )

@@ -23,7 +23,7 @@ CORRECTIONS = ("time alignment", "drift", "fixture")
 """Stages that move what was measured, and are named when they did."""
 
 RECIPE_NOTE = "recipe "
-"""How the note begins that a recipe's name and revision have meant something else before."""
+"""How notes on the recipe begin: an odd limit, or that its name and revision have meant something else before."""
 
 FAULTS_NOTE = "faults were injected"
 """How the note begins that names the scenario of a run."""
@@ -48,12 +48,17 @@ def note_lines(result: Result) -> list[str]:
         fault_notes(result)
         + [note for note in notes if note.startswith(MASTER)]
         + [note for note in result.notes if note.startswith((CHANGED, UNFINISHED))]
+        + [note for note in notes if note.startswith(RECIPE_NOTE)]
         + missing_protections(result)
         + one_sided(result)
         + within_uncertainty(result)
         + not_cross_checked(result)
         + loose_limits(result)
-        + [note for note in notes if not note.startswith((FAULTS_NOTE, MASTER, MISSING, CHANGED, UNFINISHED))]
+        + [
+            note
+            for note in notes
+            if not note.startswith((FAULTS_NOTE, MASTER, MISSING, CHANGED, UNFINISHED, RECIPE_NOTE))
+        ]
     )
     notes += [stage.text for stage in applied if stage.stage in CORRECTIONS]
     left = len(notes) - MOST_NOTES

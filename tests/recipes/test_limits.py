@@ -1,4 +1,4 @@
-"""Limits of metrics: one that no unit can fail is refused, one that is not usual is told."""
+"""Limits of metrics: one that no unit can fail, or none can meet, is refused; one that is not usual is told."""
 
 from __future__ import annotations
 
@@ -67,6 +67,38 @@ def test_an_empty_option_is_refused_in_every_section(where, option):
     text = INVERSE.replace(f"\n{where}\n", f"\n{where}\n  {option}:\n")
     loaded = parse_recipe(text.encode(), "r.yaml")
     assert [problem.option for problem in check(loaded, default_bench(loaded)[1])] == [f"{where[:-1]}.{option}"]
+
+
+NEVER_MET = {
+    "{id: backlash_width_3pct, max: -1 arcmin}": "metrics[0].max",
+    "{id: backlash_width_zero, max: 0 arcmin}": "metrics[0].max",
+    "{id: lost_motion, max: -1 arcmin}": "metrics[0].max",
+    "{id: lost_motion, min: -2 arcmin, max: -1 arcmin}": "metrics[0].max",
+    "{id: stiffness_lsq, max: -1 N·m/arcmin}": "metrics[0].max",
+    "{id: grade, max: 0}": "metrics[0].max",
+    "{id: grade, min: 3}": "metrics[0].min",
+    "{id: grade, max: 1}": None,
+    "{id: grade, min: 2}": None,
+    "{id: torque_ratio_offset, min: -30 N·m, max: -5 N·m}": None,
+}
+
+
+@pytest.mark.parametrize("metric", NEVER_MET)
+def test_a_limit_that_no_unit_can_meet_is_refused(metric):
+    loaded, option = recipe(metric), NEVER_MET[metric]
+    assert [problem.option for problem in check_alone(loaded)] == ([] if option is None else [option])
+    refused = [problem.option for problem in check(loaded, default_bench(loaded)[1])]
+    assert option is None or option in refused
+
+
+@pytest.mark.parametrize("name", METRICS)
+def test_a_limit_on_the_side_that_decides_nothing_is_told_of_every_metric(name):
+    row = METRICS[name]
+    other = "max" if row.bad.side == "low" else "min"
+    unit = "" if row.unit == "1" else f" {row.unit}"
+    inside = row.usual.most * SCALES[row.usual.of](recipe("{id: windup}")) or -1.0
+    told = warnings(recipe(f"{{id: {name}, {other}: {inside:.6g}{unit}}}"))
+    assert [one.option for one in told] == [f"metrics[0].{other}"]
 
 
 IMPLAUSIBLE = {

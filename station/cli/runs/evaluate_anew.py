@@ -233,7 +233,7 @@ def evaluation_of(result: Result) -> Evaluation:
 
 
 def _deciding_recipe(recipe_file: Path) -> Recipe:
-    """Load a recipe that is named for a measurement; RecipeError also for one with a limit that no unit can fail."""
+    """Load a recipe that is named for a measurement; RecipeError also for a limit that none can fail or meet."""
     recipe = load_recipe(recipe_file)
     idle = check_alone(recipe, recipe_file)
     if idle:

@@ -139,7 +139,7 @@ def test_what_is_missing_decides_where_it_has_a_limit_and_is_noted_where_it_has_
 def test_guard_band_needs_an_uncertainty() -> None:
     result = analyse(TRACE, METHOD, [BACKLASH], GUARDED)
     assert result.verdict is OPEN
-    assert "measure two cycles or more" in result.reasons[0]
+    assert "give the bench file (--bench)" in result.reasons[0]
     twice = exact_trace(ReferenceUnit(), 480.0, points=3001, cycles=2)
     assert analyse(twice, METHOD, [BACKLASH], GUARDED).verdict is PASS
 

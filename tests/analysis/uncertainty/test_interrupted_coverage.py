@@ -21,7 +21,7 @@ STIFF = MetricWanted("stiffness_50_100", branch="load", side="+", min=20.0)
 INTERRUPTED = COVERAGES["interrupted"]
 
 
-def judged(wanted: MetricWanted = STIFF, holds: int = 0, bench: Bench = SOUND) -> Result:
+def judged(wanted: MetricWanted = STIFF, holds: int | None = 0, bench: Bench = SOUND) -> Result:
     trace = measured(RV40, course_of(RV40, bench), bench, np.random.default_rng(1))
     facts = replace(FACTS, holds=holds)
     return analyse(
@@ -34,7 +34,8 @@ def test_the_table_of_coverage() -> None:
         "through": (2.0, 0.9545),
         "interrupted": (3.0, 0.9973),
     }
-    assert [coverage_of((), 0), coverage_of((), 1), coverage_of(("a rest",), 0)] == [USUAL, INTERRUPTED, INTERRUPTED]
+    assert coverage_of((), 0) == coverage_of((), None) == USUAL
+    assert {coverage_of(*one)[:2] for one in (((), 1), (("a rest",), 0), (("a rest",), None))} == {INTERRUPTED[:2]}
 
 
 def test_few_cycles_are_enlarged_by_the_factor_of_their_own_confidence() -> None:
@@ -79,6 +80,20 @@ def test_what_was_just_certain_is_not_decidable_of_an_interrupted_run(before: Ve
     assert held.verdict is Verdict.NOT_DECIDABLE
     assert "U is stated with k = 3 because a ramp was interrupted" in held.reasons[0]
     assert "find the cause of the interruptions" in held.reasons[0]
+
+
+@pytest.mark.parametrize("holds", [None, 0, 1])
+def test_the_reason_says_where_and_whether_a_hold_was_ordered(holds: int | None) -> None:
+    bench = replace(SOUND, holds=(Hold(1, 0.3),))
+    found = judged(bench=bench).metrics[0].headline
+    assert found.value is not None
+    (reason,) = judged(replace(STIFF, min=found.value), holds=holds, bench=bench).reasons
+    stage = next(stage for stage in judged(bench=bench).stages if stage.name == "interruptions")
+    place = stage.text.split(": ")[1].rsplit(", step", 1)[0]
+    assert place.startswith("cycle 1, ")
+    assert place in reason
+    assert ("no hold was ordered" in reason) == (holds == 0)
+    assert ("one hold was ordered" in reason) == (holds == 1)
 
 
 @pytest.mark.parametrize("off", [-4.0, -1.2, -0.5, 0.5, 1.2, 4.0])

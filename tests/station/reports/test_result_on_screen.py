@@ -114,6 +114,8 @@ def test_notes_that_matter_are_warnings_and_corrections() -> None:
     assert note_lines(result(notes=notes)) == ["recipe x is not the one of run y"]
     many = result(notes=[f"recipe {number}" for number in range(9)])
     assert len(note_lines(many)) == MOST_NOTES + 1
+    odd = "recipe r.yaml:4:3: metrics[0].min: found 'lost_motion' with min alone; usual is a max, the side that decides"
+    assert odd in note_lines(result(notes=[*(f"other {number}" for number in range(9)), odd], stages=stages))
     assert note_lines(result()) == []
 
 

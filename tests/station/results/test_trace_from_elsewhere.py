@@ -66,6 +66,12 @@ def test_a_guard_band_passes_nothing_while_nobody_knows_the_sensors(tmp_path: Pa
     assert elsewhere(two, recipe(tmp_path, "simple"), None).verdict == "PASS"
 
 
+def test_one_cycle_without_a_bench_asks_for_the_bench_and_for_no_second_cycle(tmp_path: Path) -> None:
+    found = elsewhere(TRACE, recipe(tmp_path, "guard_band"), None)
+    assert found.verdict == "NOT DECIDABLE"
+    assert all("(--bench)" in reason and "two cycles" not in reason for reason in found.reasons)
+
+
 def test_a_cycle_that_is_a_copy_of_another_decides_nothing_where_the_bench_has_noise(tmp_path: Path) -> None:
     copied = two_cycles(tmp_path / "copied.csv", noise_nm=0.0)
     found = elsewhere(copied, recipe(tmp_path, "simple"), "virtual")

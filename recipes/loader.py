@@ -14,9 +14,10 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
-from recipes.text.problems import OptionPath, Problem, RecipeError, Source, dotted, nearest
+from recipes.text.problems import OptionPath, Problem, RecipeError, Source, dotted, nearest, one_of
+from recipes.text.quantity import ONE_POINT, meant_by
 from recipes.text.section import FROM_DOCUMENT, reader
-from recipes.text.translation import POINT, UNKNOWN_OPTION, decimal_commas, options_at, problem_of
+from recipes.text.translation import UNKNOWN_OPTION, decimal_commas, options_at, problem_of
 from recipes.text.yaml_source import parse_source, read_source
 
 ModelT = TypeVar("ModelT")
@@ -67,12 +68,13 @@ def load_source(
 
 def _with_commas_told(found: list[Problem], source: Source) -> list[Problem]:
     """Tell a decimal comma once, with the number as it stands there, in the place of what YAML makes of its halves."""
-    commas = list(decimal_commas(source.data))
+    commas = list(decimal_commas(source))
     halves = {dotted(option) for whole, rest, _ in commas for option in (whole, rest)}
-    told = [
-        source.problem(whole, f"'{text}', with a decimal comma", f"'{text.replace(',', '.')}'", POINT)
-        for whole, _, text in commas
-    ]
+    told = []
+    for whole, _, text in commas:
+        meant, hint = meant_by(text)
+        allowed = one_of([f"'{one}'" for one in meant]) or "a number with one decimal sign"
+        told.append(source.problem(whole, f"'{text}', with a comma", allowed, hint or ONE_POINT))
     return [*(one for one in found if one.option not in halves), *told]
 
 

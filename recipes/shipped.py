@@ -64,7 +64,10 @@ def load_bench(path: str | Path) -> Bench:
 @lru_cache(maxsize=KEPT)
 def parse_bench(raw: bytes, path: str) -> Bench:
     """Load a bench from the bytes of a file, such as the copy in a record. Raises RecipeError."""
-    return load_source(parse_source(raw, path), Bench)
+    source = parse_source(raw, path)
+    hint = "Name it as the recipe, and the bench file with --bench."
+    _refuse_other(source, "recipe", "bench", "a recipe in the place of a bench file", hint)
+    return load_source(source, Bench)
 
 
 def default_bench(recipe: Recipe) -> tuple[Path, Bench]:
@@ -87,7 +90,15 @@ def default_bench(recipe: Recipe) -> tuple[Path, Bench]:
     return max(fitting, key=lambda item: bool(item[1].bench.models))
 
 
+def _refuse_other(source: Source, other: str, own: str, found: str, hint: str) -> None:
+    """Refuse a file of the other kind at once: each of its options would be told as unknown."""
+    if isinstance(source.data, dict) and other in source.data and own not in source.data:
+        raise RecipeError([source.problem((other,), found, f"a file with the section '{own}'", hint, at_name=True)])
+
+
 def _recipe_of(source: Source) -> Recipe:
+    hint = "Name it with --bench, and a recipe in its place."
+    _refuse_other(source, "bench", "recipe", "a bench file in the place of a recipe", hint)
     recipe = load_source(source, Recipe, percentages, rules=(sequence_order,))
     return recipe.with_source(source)
 

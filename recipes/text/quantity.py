@@ -13,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from definitions.units import KINDS, Kind
-from recipes.text.problems import did_you_mean, excerpt
+from recipes.text.problems import did_you_mean, excerpt, one_of
 
 if TYPE_CHECKING:
     import pint
@@ -96,6 +96,14 @@ WITH_THOUSANDS = re.compile(
 """A number with signs between its thousands: two of one kind, one before a decimal sign of another, or a blank."""
 
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d+,\d+")
+WITH_SIGNS = re.compile(r"\s*[+-]?\d[\d.,]*")
+"""A number with all points and commas in it, without its unit."""
+
+EITHER_COMMA = re.compile(r"\s*[+-]?[1-9]\d{0,2},\d{3}(?!\d)")
+"""A comma that may be a decimal one or stand between thousands."""
+
+POINT = "Write the decimal sign as a point."
+ONE_POINT = "Write the decimal sign as a point, and nothing between thousands."
 UNIT_GRAMMAR = re.compile(r"[A-Za-z]+(\^[1-4])?([*/][A-Za-z]+(\^[1-4])?){0,5}")
 LONGEST_TEXT = 80
 """Characters of the longest text that is read as a quantity."""
@@ -178,11 +186,31 @@ def show(value: float, kind: Kind, digits: int = 6) -> str:
     return f"{convert(value, kind.unit, kind.shown):.{digits}g} {kind.shown}"
 
 
-def _how_to_write(text: str) -> str:
+def meant_by(text: str) -> tuple[tuple[str, ...], str]:
+    """Return what a number with a comma, or with signs between thousands, may be meant as, and how to write it.
+
+    Three digits behind its only comma may be decimals or thousands: both are told. Nothing and '' of another text.
+    """
     if WITH_THOUSANDS.match(text):
-        return "Write the decimal sign as a point, and nothing between thousands."
-    comma = DECIMAL_COMMA.match(text)
-    return "Write the decimal sign as a point." if comma else "Write a number, a space and a unit."
+        number = WITH_SIGNS.match(text)
+        written = "" if number is None else number[0]
+        *before, last = re.findall("[.,]", written) or [""]
+        if not last:  # a blank or an apostrophe
+            return (), ONE_POINT
+        whole, _, decimals = written.rpartition(last)
+        plain = whole.replace(",", "").replace(".", "") + ("" if last in before else ".") + decimals
+        return (plain + text[len(written) :],), ONE_POINT
+    if not DECIMAL_COMMA.match(text):
+        return (), ""
+    decimal = text.replace(",", ".", 1)
+    return ((decimal, text.replace(",", "", 1)), ONE_POINT) if EITHER_COMMA.match(text) else ((decimal,), POINT)
+
+
+def _how_to_write(text: str) -> str:
+    meant, hint = meant_by(text)
+    if len(meant) > 1:
+        hint = f"{hint} Is it {one_of([excerpt(one) for one in meant])}?"
+    return hint or "Write a number, a space and a unit."
 
 
 def read_quantity(text: object, kind: Kind, percent_of: float | None = None, allowed: str = "") -> float:

@@ -11,17 +11,19 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
 
-from recipes.text.problems import OptionPath, Problem, Source, did_you_mean, excerpt, one_of
+from recipes.text.problems import Mark, OptionPath, Problem, Source, did_you_mean, excerpt, one_of
+from recipes.text.quantity import meant_by
 from recipes.text.section import reader
+from recipes.text.yaml_source import LONGEST_NUMBER
 
 WHOLE = "a whole number"
 NUMBER = "a number"
 DATE = "a date such as 2025-03-31"
 
 ALLOWED: dict[str, tuple[str, str]] = {
-    "int_type": (WHOLE, ""),
+    "int_type": (WHOLE, "Write it in digits, without decimals."),
     "int_parsing_size": (WHOLE, "This is too large."),
-    "float_type": (NUMBER, "Write it without a unit."),
+    "float_type": (NUMBER, "Write it in digits."),
     "finite_number": (NUMBER, "Infinity is not a value."),
     "bool_type": ("true or false", ""),
     "string_type": ("a text", "Put it in quotes."),
@@ -29,7 +31,7 @@ ALLOWED: dict[str, tuple[str, str]] = {
     "greater_than": ("a number above {gt:g}", "This is too small."),
     "greater_than_equal": ("a number from {ge:g}", "This is too small."),
     "less_than_equal": ("a number up to {le:g}", "This is too large."),
-    "tuple_type": ("a list (lines that begin with '- ', or [..., ...])", ""),
+    "tuple_type": ("a list (lines that begin with '- ', or [..., ...])", "Write its entries below its name."),
     "too_short": ("a list of at least {min_length} entries", "Add an entry."),
     "too_long": ("a list of at most {max_length} entries", "Shorten the list."),
     "date_type": (DATE, ""),
@@ -49,24 +51,56 @@ BEHIND_COMMA = re.compile(r"[0-9]+(\s*[^0-9\s].*)?")
 UNKNOWN_OPTION = ("extra_forbidden", "unexpected_keyword_argument")
 """Error types of an option that a section, or a dataclass, does not have."""
 
-POINT = "Write the decimal sign as a point."
-
 QUOTED = re.compile(r"'([^']*)'")
 
 
-def decimal_commas(data: Any, place: OptionPath = ()) -> Iterator[tuple[OptionPath, OptionPath, str]]:
+TO_ONE = re.compile(r"\s*([0-9]+(?:\.[0-9]+)?)\s*:\s*1\s*")
+"""A ratio as people write it."""
+
+NUMBER_FIRST = re.compile(r"\s*[+-]?\.?[0-9][0-9.]*([eE][+-]?[0-9]+)?\s*(?P<behind>.*)", re.DOTALL)
+"""A text that begins with a number, and what comes behind it."""
+
+
+def decimal_commas(source: Source) -> Iterator[tuple[OptionPath, OptionPath, str]]:
     """Yield each number that a comma cut in two within `{...}`: both options that YAML made of it, and its text."""
+    yield from _decimal_commas(source.data, (), source.marks)
+
+
+def _decimal_commas(
+    data: Any, place: OptionPath, marks: Mapping[OptionPath, Mark]
+) -> Iterator[tuple[OptionPath, OptionPath, str]]:
     if isinstance(data, list):
         for index, inner in enumerate(data):
-            yield from decimal_commas(inner, (*place, index))
+            yield from _decimal_commas(inner, (*place, index), marks)
     if not isinstance(data, dict):
         return
     before: tuple[str, Any] = ("", None)
     for name, value in data.items():
-        if value is None and isinstance(before[1], int) and BEHIND_COMMA.fullmatch(str(name)):
-            yield (*place, before[0]), (*place, name), f"{before[1]},{name}"
-        yield from decimal_commas(value, (*place, name))
+        if value is None and isinstance(before[1], int | float) and BEHIND_COMMA.fullmatch(str(name)):
+            whole, rest = (*place, before[0]), (*place, name)
+            yield whole, rest, f"{_as_written(before[1], marks[whole], marks[rest])},{name}"
+        yield from _decimal_commas(value, (*place, name), marks)
         before = (name, value)
+
+
+def _as_written(value: float, here: Mark, behind: Mark) -> str:
+    """Return a number with the zeroes that stand at its end: of `1.200,5` YAML reads 1.2."""
+    text = str(value)
+    room = behind.name_column - here.column - 1 if behind.name_line == here.line else 0
+    return text.ljust(room, "0") if "." in text and room <= LONGEST_NUMBER else text
+
+
+def _number_as_text(text: str, allowed: str) -> tuple[str, str, str]:
+    """Return found, allowed and hint for a text in the place of a plain number."""
+    meant, hint = meant_by(text)
+    if meant:
+        plain = [one for one in meant if allowed != WHOLE or "." not in one]
+        return f"{excerpt(text)}, with a comma", one_of(plain) or allowed, hint
+    if ratio := TO_ONE.fullmatch(text):
+        return excerpt(text), allowed, f"Write {ratio[1]}."
+    number = NUMBER_FIRST.fullmatch(text)
+    way = "in digits" if number is None else "without a unit" if number["behind"] else "without quotes"
+    return excerpt(text), allowed, hint or f"Write it {way}."
 
 
 def problem_of(error: Mapping[str, Any], source: Source, model: type[Any]) -> Problem:
@@ -90,6 +124,8 @@ def problem_of(error: Mapping[str, Any], source: Source, model: type[Any]) -> Pr
             names = options_at(model, place)
             allowed = f"a section with the options {one_of(names)}" if names else "a section (lines of name: value)"
             hint = "Write its options indented below its name." if place else "Copy a shipped file and edit it."
+        case "float_type" | "int_type" if isinstance(error["input"], str):
+            found, allowed, hint = _number_as_text(error["input"], ALLOWED[kind][0])
         case "literal_error" | "enum":
             choices = QUOTED.findall(context["expected"]) or [str(context["expected"])]
             allowed, hint = one_of(choices), did_you_mean(str(error["input"]), choices)

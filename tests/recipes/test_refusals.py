@@ -9,7 +9,16 @@ import pytest
 from pydantic import BaseModel, ConfigDict, Field
 from refusal_support import problems
 
-from recipes import RecipeError, find_recipe, load_bench, load_document, parse_recipe, shipped_recipes
+from recipes import (
+    RecipeError,
+    find_recipe,
+    load_bench,
+    load_document,
+    parse_bench,
+    parse_recipe,
+    shipped_benches,
+    shipped_recipes,
+)
 from recipes.text.yaml_source import parse_source
 
 GOOD = shipped_recipes()["rv-40e-121-inverse"].read_text(encoding="utf-8")
@@ -280,6 +289,60 @@ def test_a_decimal_comma_in_a_section_of_one_line_is_told_as_one() -> None:
     assert "'60,5 N·m/s'" in found.found
     assert "'60.5 N·m/s'" in found.allowed
     assert "decimal sign as a point" in found.hint
+
+
+UNLOAD = "unload: {torque_rate: 100 N·m/s}"
+COMMAS = {
+    "1.200,5 N·m/s": ["'1200.5 N·m/s'"],
+    "1,200.5 N·m/s": ["'1200.5 N·m/s'"],
+    "1,600 N·m/s": ["'1.600 N·m/s'", "'1600 N·m/s'"],
+    "0,600 N·m/s": ["'0.600 N·m/s'"],
+    "12,25 N·m/s": ["'12.25 N·m/s'"],
+}
+
+
+@pytest.mark.parametrize("text", COMMAS)
+def test_a_comma_is_told_with_every_number_that_may_be_meant(text: str) -> None:
+    """Who followed the advice for 1.200,5 wrote 1.2, and who meant 1600 wrote 1.6."""
+    with pytest.raises(RecipeError) as refused:
+        parse_recipe(GOOD.replace(UNLOAD, UNLOAD.replace("100 N·m/s", text)).encode(), "r.yaml")
+    (found,) = refused.value.problems
+    assert found.option.endswith("unload.torque_rate")
+    assert found.allowed.split(" or ") == COMMAS[text]
+    assert found.found.startswith(f"'{text}'")
+
+
+NOT_PLAIN = {
+    "ratio: 121,5": ("allowed: 121.5", "decimal sign"),
+    "ratio: 1,215": ("allowed: 1.215 or 1215", "decimal sign"),
+    "ratio: 121:1": ("allowed: a number", "Write 121."),
+    "ratio: 121 arcmin": ("allowed: a number", "without a unit"),
+    "ratio: '121'": ("allowed: a number", "without quotes"),
+    "ratio: many": ("allowed: a number", "in digits"),
+    "revision: two": ("allowed: a whole number", "in digits"),
+    "revision: 2.5": ("allowed: a whole number", "without decimals"),
+    "metrics:": ("allowed: a list", "below its name"),
+}
+
+
+@pytest.mark.parametrize("line", NOT_PLAIN)
+def test_what_is_no_plain_value_is_told_with_what_to_do(line: str) -> None:
+    name, words = line.split(":", maxsplit=1)[0], NOT_PLAIN[line]
+    if name == "metrics":
+        text = GOOD[: GOOD.index("metrics:")] + "metrics:\n" + GOOD[GOOD.index("decision:") :]
+    else:
+        text = re.sub(rf"(?m)^  {name}: \d+$", f"  {line}", GOOD)
+    (found,) = problems(text)
+    assert all(one in found for one in words), found
+
+
+def test_a_file_of_the_other_kind_is_told_in_one_line() -> None:
+    bench = shipped_benches()["virtual"].read_bytes()
+    for read, raw, words in ((parse_recipe, bench, "--bench"), (parse_bench, GOOD.encode(), "a recipe")):
+        with pytest.raises(RecipeError) as refused:
+            read(raw, "r.yaml")
+        (found,) = refused.value.problems
+        assert words in str(found)
 
 
 @pytest.mark.parametrize("place", ["# a comment {}\nname: a\n", "name: a{}b\n"])

@@ -175,7 +175,7 @@ def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, q
         assert (ran.exit_code, ran.json["verdict"]) == (3, "NOT DECIDABLE"), changes
         assert reason in ran.json["reasons"][0]
     for changes, words in (
-        ({"unit": "RV-6E"}, "which measured a RV-6E"),
+        ({"unit": "RV-6E"}, "measured a RV-6E"),
         ({"trace": None, "recorded": {"missed": "many"}}, "is damaged"),
         ({"started": 7}, "is damaged"),
         ({"state": "fault"}, "which ended as fault: it has no complete trace to evaluate"),

@@ -32,6 +32,7 @@ from recipes import (
     warnings,
 )
 from recipes.checks.bus_load import BusFrame, bus_findings, bus_us
+from recipes.checks.missing_profile import missing_profile
 from recipes.compiler.compiler import compile_program
 from station.atomic_file import read_file, refused
 from station.bench.assemble import drive_brake_config, drive_profile, modbus_profile
@@ -249,16 +250,15 @@ class Job:
 def find_profile(name: str, bench_path: Path) -> Path:
     """Return a profile's file: from `profiles/` beside the bench file, from beside it, or the shipped one.
 
-    That of a CAN sensor may be a DBC file.
+    That of a CAN sensor may be a DBC file. RecipeError with every place that names one which is nowhere.
     """
     folders = (bench_path.parent / "profiles", bench_path.parent, DRIVER_PROFILES)
     places = [folder / f"{name}{ending}" for folder in folders for ending in (".yaml", DBC)]
     for place in places:
         if place.is_file():
             return place
-    shipped = ", ".join(sorted(path.stem for path in DRIVER_PROFILES.iterdir() if path.suffix in (".yaml", DBC)))
-    found = f"there is no profile '{name}' beside the bench file"
-    raise RecipeError([Problem(str(bench_path), 0, 0, "profile", found, f"a file there, or one of {shipped}")])
+    shipped = [path for path in DRIVER_PROFILES.iterdir() if path.suffix in (".yaml", DBC)]
+    raise missing_profile(name, bench_path, shipped)
 
 
 def trace_file(name: str) -> Path | None:

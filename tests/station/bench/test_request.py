@@ -142,5 +142,33 @@ def test_channels_that_no_device_delivers_are_refused_before_a_run(
         load_job(str(RECIPE), str(bench))
 
 
+@pytest.mark.parametrize(
+    ("good", "bad", "option", "fitting"),
+    [
+        ("profile: virtual-drive", "profile: virtual-driv", "drive.profile", "virtual-drive"),
+        ("profile: virtual-brake", "profile: virtual-brak", "brake.profile", "virtual-brake"),
+        ("profile: virtual-drive", "profile: my-driv", "drive.profile", "my-drive"),
+    ],
+)
+def test_a_profile_that_is_nowhere_is_refused_where_it_is_named_with_those_that_fit(
+    tmp_path: Path, good: str, bad: str, option: str, fitting: str
+) -> None:
+    text = find_bench("virtual").read_text(encoding="utf-8")
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(text.replace(good, bad, 1), encoding="utf-8")
+    (tmp_path / "profiles").mkdir()
+    (tmp_path / "profiles" / "my-drive.yaml").write_text(raw_text("virtual-drive"), encoding="utf-8")
+    with pytest.raises(RecipeError) as refused:
+        _ = load_job(str(RECIPE), str(bench)).program
+    (problem,) = refused.value.problems
+    assert text.splitlines()[problem.line - 1][problem.column - 1 :].startswith(good.partition(" ")[2])
+    assert problem.option == option
+    assert problem.hint == f"Did you mean '{fitting}'?"
+    kinds = {"drive.profile": ("virtual-drive", "virtual-amplifier"), "brake.profile": ("virtual-brake", "nanotec-pd4")}
+    fits, fits_not = kinds[option]
+    assert fits in problem.allowed
+    assert fits_not not in problem.allowed
+
+
 def raw_text(profile: str) -> str:
     return (DRIVER_PROFILES / f"{profile}.yaml").read_text(encoding="utf-8")

@@ -25,6 +25,7 @@ from recipes.checks.measurement import (
     check_torque_ratio,
     check_two_speeds,
     of_one_unit,
+    without_noise,
 )
 from recipes.checks.ratings import (
     check_brake,
@@ -101,8 +102,8 @@ def warnings(recipe: Recipe, bench: Bench | None = None, path: str | Path | None
 
     With a bench also what of it is not usual for this recipe.
     """
-    findings = [*implausible_limits(recipe), *(() if bench is None else of_one_unit(recipe, bench))]
-    return _problems(recipe, findings, path)
+    of_bench = () if bench is None else (*of_one_unit(recipe, bench), *without_noise(recipe, bench))
+    return _problems(recipe, [*implausible_limits(recipe), *of_bench], path)
 
 
 def _problems(recipe: Recipe, findings: Iterable[Finding], path: str | Path | None) -> list[Problem]:

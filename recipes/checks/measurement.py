@@ -138,6 +138,17 @@ def of_one_unit(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
         yield Finding(("measurement", "calibration"), found, allowed, hint)
 
 
+def without_noise(recipe: Recipe, bench: Bench) -> Iterator[Finding]:
+    """Torque sensors that are declared to have no noise: by it samples that were smoothed or copied are told."""
+    named = {"torque_in": bench.sensors.torque_in, "torque_out": bench.sensors.torque_out}
+    quiet = [name for name, sensor in named.items() if sensor is not None and sensor.noise_fraction == 0.0]
+    if quiet:
+        found = f"'{recipe.measurement.output_torque}', and bench '{bench.bench.name}' has noise: 0 % for "
+        allowed = "its noise as measured, without which torques that were filtered or copied are not seen"
+        hint = "Enter the standard deviation at rest in the bench file (noise)."
+        yield Finding(("measurement", "output_torque"), found + " and ".join(quiet), allowed, hint)
+
+
 def check_fixture(recipe: Recipe, bench: Bench, today: date) -> Iterator[Finding]:
     """The blank test of the fixture, where there is one, is in date and reaches as far as the cycles."""
     curve, name, option = bench.fixture.curve, bench.bench.name, ("measurement",)

@@ -7,7 +7,16 @@ from datetime import date
 
 import pytest
 
-from recipes import check, default_bench, load_bench, parse_bench, parse_recipe, shipped_benches, shipped_recipes
+from recipes import (
+    check,
+    default_bench,
+    load_bench,
+    parse_bench,
+    parse_recipe,
+    shipped_benches,
+    shipped_recipes,
+    warnings,
+)
 from recipes.checks import bus_load
 from recipes.checks import limits as check_limits
 from recipes.checks import measurement as check_measurement
@@ -275,6 +284,15 @@ def test_recipe_made_without_a_file_has_its_problems_too():
     assert made.model_dump() == loaded.model_dump()
     (problem,) = check(made, load_bench("virtual-output"))
     assert (problem.path, problem.line) == (INVERSE, 1)
+
+
+@pytest.mark.parametrize(("count", "names"), [(0, ""), (1, "for torque_in"), (2, "for torque_in and torque_out")])
+def test_a_torque_sensor_that_is_declared_without_noise_is_told(count, names):
+    text, bench_text = shipped(INVERSE)
+    bench = parse_bench(bench_text.replace("noise: 0.02 %", "noise: 0 %", count).encode(), "b.yaml")
+    said = warnings(parse_recipe(text.encode(), "r.yaml"), bench)
+    assert [one.option for one in said] == ["measurement.output_torque"] * bool(count)
+    assert [one for one in said if not one.found.endswith(names)] == []
 
 
 def test_every_check_is_in_the_table():

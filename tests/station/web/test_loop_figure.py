@@ -107,6 +107,11 @@ def test_stiffness_is_marked_by_stiffnesses_alone() -> None:
     assert [one["text"] for one in found["layout"]["annotations"]] == ["Spring constant"]
 
 
+def test_the_legend_stands_below_the_title_of_the_axis_in_a_low_picture_too() -> None:
+    legend = stiffness_figure(Drawn("this run", CURVES), [], [])["layout"]["legend"]
+    assert (legend["yref"], legend["y"], legend["yanchor"]) == ("container", 0, "bottom")
+
+
 def test_names_are_text_in_the_picture() -> None:
     name = "<b>{x}</b>&amp;"
     found = loop_figure(Drawn(name, CURVES), [], [replace(BACKLASH, name=name)])

@@ -57,6 +57,8 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     options = chart_options(chart)
     limits = chart.chart.mean_limits
     axis = options["yAxis"][0]
+    assert not any(one["axisLabel"]["showMinLabel"] for one in options["yAxis"]), "it lies over what stands below"
+    assert options["yAxis"][1]["splitNumber"] < options["yAxis"][0]["splitNumber"], "the lower picture is half as high"
     assert axis["min"] < limits.low < limits.high < axis["max"]
     marked = [point for point in options["series"][0]["data"] if "symbol" in point]
     assert len(marked) == len({one.point for one in chart.chart.signals}) == 2

@@ -98,6 +98,10 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
     page.wait_for_selector(".lm-words:has-text('groups: found 1')")
     assert page.locator(".lm-capability tr").count() == 2
     assert page.locator("img[src=x]").count() == 0
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.wait_for_function("""() => [...document.querySelectorAll('.lm-capability, .lm-causes')]
+        .every(one => one.scrollWidth <= one.clientWidth)""")
+    page.set_viewport_size({"width": 1920, "height": 1080})
     page.get_by_label("Rules").click()
     page.get_by_role("option", name="western-electric").click()
     page.wait_for_selector(".lm-words:has-text('every 65.36 points')")

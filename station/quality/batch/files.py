@@ -11,12 +11,13 @@ from pathlib import Path
 import jinja2
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from station.atomic_file import write_atomic
 from station.quality.batch.content import Batch, BatchTable, Cell
 from station.quality.batch.names import column_of
-from station.reports.figures.loop_plot import GRID, INK, LOADING, STYLE, png
-from station.reports.result_text import minus
+from station.reports.figures.loop_plot import GRID, LOADING, STYLE, png
+from station.reports.result_text import minus, unit_text
 from station.results.csv_cells import MARK, figure_cell, text_cell
 from station.results.export import CsvStyle
 
@@ -93,14 +94,18 @@ def _histograms(batch: Batch) -> Figure:
     """Return the values of each metric with a limit, on the side that judges, with its limits."""
     judged = [row for row in batch.capability if row.found is not None][:MOST_HISTOGRAMS]
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(8.4, 2.1 * ((len(judged) + 1) // 2)), dpi=150, layout="constrained")
+        figure = Figure(figsize=(8.4, 2.3 * ((len(judged) + 1) // 2)), dpi=150, layout="constrained")
         grid = figure.subplots((len(judged) + 1) // 2, 2, squeeze=False).ravel()
         for axes, row in zip(grid, judged, strict=False):
             axes.hist(batch.numbers.get((row.metric, row.side), ()), bins=30, color=LOADING, alpha=0.8)
             for limit in (row.metric.limit_min, row.metric.limit_max):
                 if limit is not None:
                     axes.axvline(limit, color="#b00020", linewidth=1.4)
-            axes.set_title(column_of(batch.names[row.metric], row.side), loc="left", fontsize=9, color=INK)
+            unit = unit_text(row.metric.unit)
+            name = column_of(batch.names[row.metric], row.side)
+            axes.set_xlabel(f"{name}  [{unit}]" if unit else name, fontsize=9)
+            axes.set_ylabel("units", fontsize=9)
+            axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
             axes.tick_params(labelsize=8)
         for axes in grid[len(judged) :]:
             axes.set_visible(False)

@@ -1,7 +1,8 @@
 """One look at the bench for all pages that show it, and a loop on the screen that grows by what is new.
 
 Twenty pages that each look for themselves cost the server twenty looks, and the last of them shows what is old. A page
-that is sent the whole loop again with every look is sent megabytes a second towards the end of a run.
+that is sent the whole loop again with every look is sent megabytes a second towards the end of a run. The loop of a run
+that this server has not seen is read from its record, once for all pages.
 """
 
 from __future__ import annotations
@@ -9,10 +10,24 @@ from __future__ import annotations
 import asyncio
 import json
 import time
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from station.web.running import Now, Running
+from station.errors import StationError
+from station.records.run_record import RunRecord
+from station.web.running import ENDED, Now
+from station.web.station import Station
+
+if TYPE_CHECKING:
+    from station.reports.loop_curves import LoopCurves
+
+Points = tuple[tuple[float | None, float | None], ...]
+"""Torque [N·m] and wind-up [arcmin] as they are drawn, one after another; None where the line is lifted."""
+
+LIFTED = (None, None)
 
 LOOK_EVERY_S = 0.08
 """The newest point is at most this old, and what it takes to read, send and draw it."""
@@ -21,22 +36,47 @@ LOOK_EVERY_S = 0.08
 class Looks:
     """Looks at the bench that every open page waits for; none is made while no page is open."""
 
-    def __init__(self, running: Running) -> None:
-        self._running = running
-        self._look: asyncio.Task[Now] | None = None
+    def __init__(self, station: Station) -> None:
+        self._station = station
+        self._look: asyncio.Task[tuple[Now, Points]] | None = None
         self._at_s = 0.0
+        self._stored: asyncio.Task[Points] | None = None
+        self._stored_of = ""
+        """The run whose loop is read from its record, or was."""
 
-    async def next(self) -> Now:
-        """Return what the bench does at the next look, to all who wait for it at once."""
+    async def next(self) -> tuple[Now, Points]:
+        """Return what the bench does at the next look, with its loop, to all who wait for it at once."""
         if self._look is None or self._look.done():
             self._look = asyncio.create_task(self._next())
         return await asyncio.shield(self._look)  # a page that is left must not end the look of the others
 
-    async def _next(self) -> Now:
+    async def _next(self) -> tuple[Now, Points]:
         now_s = time.monotonic()
         self._at_s = max(self._at_s + LOOK_EVERY_S, now_s)
         await asyncio.sleep(self._at_s - now_s)
-        return await asyncio.to_thread(self._running.now)
+        now = await asyncio.to_thread(self._station.running.now)
+        return now, now.loop or self._loop_of_record(now)
+
+    def _loop_of_record(self, now: Now) -> Points:
+        """Return the loop of a run that has ended unseen; nothing until it was read, and where it cannot be."""
+        if now.stage != ENDED or now.result is None or now.altered:
+            return ()
+        if now.run != self._stored_of:
+            self._stored_of, self._stored = now.run, asyncio.create_task(asyncio.to_thread(self._read, now.run))
+        return self._stored.result() if self._stored is not None and self._stored.done() else ()
+
+    def _read(self, run: str) -> Points:
+        """Read the loop of a run, which takes seconds; nothing where its record does not allow it."""
+        # Whoever opens the run is told what is wrong with its record; here it is not drawn.
+        with suppress(StationError, OSError, RuntimeError, CancelledError):
+            return drawn_points(self._station.evaluations.loop(RunRecord(self._station.data / run)))
+        return ()
+
+
+def drawn_points(curves: LoopCurves) -> Points:
+    """Return the lines of a stored loop as one, lifted between two of them."""
+    lines = [tuple(zip(line.torque_nm, line.values, strict=True)) for line in curves.loop]
+    return tuple(point for line in lines for point in (*line, LIFTED))[:-1]
 
 
 class GrowingLoop:
@@ -47,12 +87,12 @@ class GrowingLoop:
         self._chart = chart
         self._run, self._told = "", 0
 
-    def show(self, now: Now) -> None:
-        """Tell the page the points that it has not; all of them where they are of another run."""
-        first = self._told if now.run == self._run and len(now.loop) >= self._told else 0
-        if first == len(now.loop) and self._told == first:
-            self._run = now.run
+    def show(self, run: str, loop: Points) -> None:
+        """Tell the page the points of a run that it has not; all of them where they are of another one."""
+        first = self._told if run == self._run and len(loop) >= self._told else 0
+        if first == len(loop) and self._told == first:
+            self._run = run
             return
-        points = json.dumps(now.loop[first:], separators=(",", ":"))
+        points = json.dumps(loop[first:], separators=(",", ":"))
         self._chart.client.run_javascript(f"showLoop({self._chart.id}, {first}, {points})")
-        self._run, self._told = now.run, len(now.loop)
+        self._run, self._told = run, len(loop)

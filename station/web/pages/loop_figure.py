@@ -183,7 +183,7 @@ def _layout(x_title: str, y_title: str) -> Figure:
     return {
         "margin": {"l": 70, "r": 12, "t": 12, "b": 56}, "paper_bgcolor": "rgba(0,0,0,0)", "plot_bgcolor": "white",
         "hovermode": "closest", "font": TEXT, "autosize": True, "uirevision": "kept", "separators": ".",
-        "legend": {"orientation": "h", "y": -0.16, "font": TEXT},
+        "legend": {"orientation": "h", "yref": "container", "y": 0, "yanchor": "bottom", "font": TEXT},
         "xaxis": {**axis, "title": {"text": x_title, "font": TEXT}},
         "yaxis": {**axis, "title": {"text": y_title, "font": TEXT}},
     }  # fmt: skip

@@ -67,7 +67,7 @@ RETEST_REASONS = ("seating of the unit", "result not decidable", "technician ask
 
 def add_pages(station: Station) -> None:
     """Add the pages to the running application."""
-    looks = Looks(station.running)
+    looks = Looks(station)
 
     @ui.page("/enter")
     def enter(request: Request) -> Response:
@@ -152,7 +152,7 @@ class _Page:
                 self._label = ui.label().classes("lm-bypasses").props('role="status"')
                 self._label.set_visibility(False)
                 self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
-            with ui.element("section").classes("lm-right"):
+            with ui.element("section").classes("lm-right") as self._right:
                 self._figures = ui.html(sanitize=False).classes("lm-figures")
                 chart = ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
                 self._loop = GrowingLoop(chart)
@@ -173,14 +173,16 @@ class _Page:
             self._label.set_visibility(label is not None)
             self._bad_of = ("", "")  # it may have been put away by another page
             self._session_seen = time.monotonic()
-        now = await self._looks.next()
+        now, loop = await self._looks.next()
         if self._bad_of != (now.stage, now.run):
             self._bad = await asyncio.to_thread(bad_unit, self._station, now.run) if now.stage == ENDED else None
             self._bad_of = (now.stage, now.run)
         self._nok.set_visibility(self._bad is not None and not self._bad.by)
         self._stop.set_visibility(now.stage == IS_RUNNING and not now.stopping)
         self._clock.set_text(WALL_CLOCK.now().astimezone().strftime("%H:%M:%S"))
-        self._loop.show(now)
+        self._loop.show(now.run, loop)
+        # Axes without a loop beside a verdict would look as if nothing had been measured.
+        self._right.classes(**{"add" if now.stage == ENDED and not loop else "remove": "lm-not-drawn"})
         view = now.view
         left = "" if view is None or now.stage != IS_RUNNING else clock(view.left_s)
         what = (now.stage, now.run, now.serial, now.refused, left, view and view.state, self._awaited, self._bad)

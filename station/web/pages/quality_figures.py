@@ -30,11 +30,15 @@ MOST_BARS = 8
 Options = dict[str, Any]
 """Options of a picture as ECharts takes them in the browser: its own tree, which nothing here reads back."""
 
+LABELS: Options = {"fontSize": 14, "lineHeight": 18, "color": INK}
+INSIDE = LABELS | {"showMinLabel": False, "showMaxLabel": False}
+"""Labels of an axis without those of its ends, which are no round figures, and lie over what stands there."""
+
 
 def plain_axis(**more: Any) -> Options:
     """Return an axis in the ink of the pages."""
     return {
-        "axisLabel": {"fontSize": 14, "lineHeight": 18, "color": INK}, "nameTextStyle": {"fontSize": 14, "color": INK},
+        "axisLabel": LABELS, "nameTextStyle": {"fontSize": 14, "color": INK},
         "splitLine": {"lineStyle": {"color": GRID_INK}},
     } | more  # fmt: skip
 
@@ -130,11 +134,12 @@ def chart_options(found: ChartFigure) -> Options:
             "markLine": {"silent": True, "symbol": "none", "data": lines, "label": {"fontSize": 13, "color": INK}},
         })  # fmt: skip
     grids = [
-        {"left": 76, "right": 84, "top": 34, "height": "50%"},
-        {"left": 76, "right": 84, "top": "71%", "bottom": 30},
+        {"left": 76, "right": 84, "top": 34, "height": "46%"},
+        {"left": 76, "right": 84, "top": "70%", "bottom": 30},
     ]
     axes = [
-        plain_axis(type="value", name=f"{name}, {unit}", gridIndex=place) | _ends(points, limits.low, limits.high)
+        plain_axis(type="value", name=f"{name}, {unit}", gridIndex=place, splitNumber=(5, 3)[place], axisLabel=INSIDE)
+        | _ends(points, limits.low, limits.high)
         for place, (name, points, limits) in enumerate(
             ((what, chart.means, chart.mean_limits), (chart.kind, chart.spreads, chart.spread_limits))
         )

@@ -40,16 +40,16 @@ COLUMNS: tuple[Column, ...] = (
     {
         "field": "verdict",
         "headerName": "Verdict",
-        "width": 250,
+        "width": 230,
         "cellClassRules": {"lm-bad": "data.judged.includes('FAIL')", "lm-open": "!/PASS|FAIL/.test(data.judged)"},
     },
-    {"field": "open", "headerName": "Serial number", "width": 200},
-    {"field": "attempt", "headerName": "Attempt", "width": 110, "type": "rightAligned"},
+    {"field": "open", "headerName": "Serial number", "width": 170},
+    {"field": "attempt", "headerName": "Attempt", "width": 100, "type": "rightAligned"},
+    {"field": "notes", "headerName": "To know", "flex": 1, "minWidth": 330, "wrapText": True, "autoHeight": True},
     {"field": "started", "headerName": "Started", "width": 200},
     {"field": "model", "headerName": "Model", "width": 160},
     {"field": "recipe", "headerName": "Recipe", "width": 210},
     {"field": "operator", "headerName": "Operator", "width": 140},
-    {"field": "notes", "headerName": "To know", "flex": 1, "minWidth": 220, "wrapText": True, "autoHeight": True},
     {"field": "report", "headerName": "Report", "width": 150, "pinned": "right"},
 )
 

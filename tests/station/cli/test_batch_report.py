@@ -11,7 +11,7 @@ from lostmotion_command import here
 from stored_runs import metric, store_run
 
 from station.quality.batch.content import batch_of
-from station.quality.batch.files import HTML, PDF, csv_of
+from station.quality.batch.files import HTML, PDF, _histograms, csv_of
 from station.reports.pdf_pages import layout
 from station.results.export import LOCALES
 from station.store.quality.lot import Lot
@@ -40,6 +40,13 @@ def test_tables_are_those_of_the_figures(folder: Path) -> None:
     rows = list(csv.reader(text.splitlines(), delimiter=";"))
     assert rows[1][3] == "0,5"
     assert f"'{FORMULA}" in {row[1] for row in rows}
+
+
+def test_a_histogram_names_its_metric_and_unit_and_counts_whole_units(folder: Path) -> None:
+    axes = _histograms(batch_of(folder, Lot(), 0)).axes[0]
+    assert axes.get_xlabel() == "Lost motion side +  [arcmin]"
+    assert axes.get_ylabel()
+    assert all(float(tick).is_integer() for tick in axes.get_yticks())
 
 
 def test_metrics_that_are_called_alike_keep_their_own_values_and_names(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import pairwise
 
 import pytest
 from browser import Enter, needs_browser
@@ -30,3 +31,14 @@ def test_the_bar_of_every_page_is_in_the_language_of_the_person(station: Served,
         page.wait_for_selector(".lm-bar .lm-nav a")
         assert page.locator(".lm-bar nav a").all_inner_texts() == expected, address
         assert page.locator(".lm-language").count() == len(LANGUAGES), address
+
+
+def test_nothing_of_the_bar_lies_over_its_entries_on_a_small_screen(enter: Enter) -> None:
+    page = enter("technician")
+    page.set_viewport_size({"width": 1024, "height": 768})
+    page.click('.lm-language[lang="de"]')
+    page.wait_for_selector('.lm-language[lang="de"][aria-pressed="true"]')
+    page.wait_for_selector(".lm-bar > :nth-child(2):has-text(':')")
+    ends = page.evaluate("""() => [...document.querySelectorAll('.lm-bar nav a, .lm-bar > :nth-child(2), .lm-language')]
+        .map(one => one.getBoundingClientRect()).map(box => [box.left, box.right])""")
+    assert all(one[1] <= two[0] for one, two in pairwise(ends)), ends

@@ -90,3 +90,27 @@ def test_a_page_that_was_away_for_a_while_is_as_it_was(page: playwright.Page) ->
     shows(page, "PASS")
     assert page.evaluate("window.marked"), "it was not loaded anew"
     assert "SN-3" in page.inner_text(".lm-serial")
+
+
+def test_a_server_that_was_just_started_draws_the_loop_of_the_run_from_its_record(
+    station: Served, page: playwright.Page
+) -> None:
+    station.kill()
+    with served(station.data) as again:
+        later = page.context.new_page()
+        later.goto(f"{again.url}/")
+        shows(later, "PASS")
+        later.wait_for_function(f"() => ({DRAWN})().length > 100")
+        later.wait_for_selector(".lm-right:not(.lm-not-drawn) .nicegui-echart")
+        later.close()
+
+
+def test_axes_without_a_loop_stand_beside_no_verdict(station: Served, page: playwright.Page) -> None:
+    newest = max(one.parent for one in station.data.glob("*/run.json"))
+    (newest / "samples.parquet").write_bytes(b"")
+    with served(station.data) as again:
+        later = page.context.new_page()
+        later.goto(f"{again.url}/")
+        later.wait_for_selector(".lm-word")
+        later.wait_for_selector(".lm-right.lm-not-drawn", state="attached")
+        later.close()

@@ -12,6 +12,7 @@ from analysis.metrics.estimators import LSQ_BAND, SECANT_BAND
 from definitions.metrics import METRICS
 from station.reports.loop_curves import Line, LoopCurves
 from station.reports.metric_torques import torque_spans
+from station.web.pages.live import LIFTED, drawn_points
 from station.web.pages.loop_figure import Drawn, Marked, close_range, loop_figure, stiffness_figure
 
 METHOD = Method(ratio=121.0, rated_torque_nm=400.0)
@@ -106,9 +107,21 @@ def test_stiffness_is_marked_by_stiffnesses_alone() -> None:
     assert [one["text"] for one in found["layout"]["annotations"]] == ["Spring constant"]
 
 
+def test_the_legend_stands_below_the_title_of_the_axis_in_a_low_picture_too() -> None:
+    legend = stiffness_figure(Drawn("this run", CURVES), [], [])["layout"]["legend"]
+    assert (legend["yref"], legend["y"], legend["yanchor"]) == ("container", 0, "bottom")
+
+
 def test_names_are_text_in_the_picture() -> None:
     name = "<b>{x}</b>&amp;"
     found = loop_figure(Drawn(name, CURVES), [], [replace(BACKLASH, name=name)])
     shown = [trace["name"] for trace in found["data"]] + [one["text"] for one in found["layout"]["annotations"]]
     assert not any("<" in text or "{" in text for text in shown)
     assert "<b>" not in found["data"][0]["hovertemplate"]
+
+
+def test_a_stored_loop_is_drawn_without_a_line_from_one_branch_to_the_next() -> None:
+    found = drawn_points(CURVES)
+    assert found[3:6] == ((400.0, 4.0), LIFTED, (-400.0, -4.0))
+    assert found[-1] == (400.0, None)
+    assert drawn_points(replace(CURVES, loop=())) == ()

@@ -57,6 +57,8 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     options = chart_options(chart)
     limits = chart.chart.mean_limits
     axis = options["yAxis"][0]
+    assert not any(one["axisLabel"]["showMinLabel"] for one in options["yAxis"]), "it lies over what stands below"
+    assert options["yAxis"][1]["splitNumber"] < options["yAxis"][0]["splitNumber"], "the lower picture is half as high"
     assert axis["min"] < limits.low < limits.high < axis["max"]
     marked = [point for point in options["series"][0]["data"] if "symbol" in point]
     assert len(marked) == len({one.point for one in chart.chart.signals}) == 2
@@ -96,6 +98,10 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
     page.wait_for_selector(".lm-words:has-text('groups: found 1')")
     assert page.locator(".lm-capability tr").count() == 2
     assert page.locator("img[src=x]").count() == 0
+    page.set_viewport_size({"width": 1280, "height": 800})
+    page.wait_for_function("""() => [...document.querySelectorAll('.lm-capability, .lm-causes')]
+        .every(one => one.scrollWidth <= one.clientWidth)""")
+    page.set_viewport_size({"width": 1920, "height": 1080})
     page.get_by_label("Rules").click()
     page.get_by_role("option", name="western-electric").click()
     page.wait_for_selector(".lm-words:has-text('every 65.36 points')")

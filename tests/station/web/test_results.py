@@ -18,7 +18,7 @@ from station.records.chain.chain_file import Chain
 from station.store.run_search import search
 from station.store.stored_runs import StoredRun, Wanted
 from station.web.languages import ENGLISH, words_of
-from station.web.pages.results import LINKS, Asked, row_of
+from station.web.pages.results import COLUMNS, LINKS, Asked, row_of
 from station.web.pages.words import verdict_text
 from station.web.people.database import PEOPLE
 from station.web.rest.runs import FILES, begin_of
@@ -105,6 +105,12 @@ def test_what_is_looked_for_stands_in_the_address() -> None:
 def stored(**entries: Any) -> StoredRun:
     known = dict.fromkeys(StoredRun._fields, "") | {"attempt": 2, "revision": 3, "virtual": True, "state": "complete"}
     return StoredRun(**known | entries)
+
+
+def test_the_column_that_makes_a_row_high_is_in_sight_on_a_small_screen() -> None:
+    seen = 1024 - 2 * 19 - sum(one["width"] for one in COLUMNS if "pinned" in one)
+    place = next(place for place, one in enumerate(COLUMNS) if one.get("autoHeight"))
+    assert sum(one.get("width", one.get("minWidth", 0)) for one in COLUMNS[: place + 1]) <= seen
 
 
 def test_a_row_shows_texts_as_texts() -> None:

@@ -125,10 +125,14 @@ def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples
 
 
 def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
-    """Take runs out of the store whose folders are gone, where no chain has anything to say of them."""
+    """Take runs out of the store whose folders are gone, where no chain has anything to say of them.
+
+    How far a chain of this name was in it goes with them: should it come back, all of it is put in again.
+    """
     if runs:
         with database.writing() as connection:
             remove_rows(connection, chain, list(runs))
+            connection.execute(delete(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id))
 
 
 def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:

@@ -397,6 +397,50 @@ def test_a_damaged_or_empty_store_takes_nothing_from_the_answers(plain: Path, da
     assert len(stored_values(plain, ASK).values) == 6
 
 
+@pytest.mark.parametrize(
+    "said", ["problems = 'xx'", "problems = '[[1]]'", "\"offset\" = 'abc'", "counter = -1", "keys = '[1]'"]
+)
+def test_a_damaged_row_of_the_chain_is_told_and_made_again(plain: Path, said: str) -> None:
+    rows_in(plain)
+    with sqlite3.connect(plain / FILE) as there:
+        there.execute(f"UPDATE projections SET {said}")  # noqa: S608 - of this test
+    there.close()
+    listed = here("list", "--data", str(plain))
+    assert (listed.exit_code, "lostmotion store rebuild" in listed.err) == (0, True)
+    assert here("store", "state", "--data", str(plain)).exit_code == 2
+    assert here("store", "rebuild", "--data", str(plain)).exit_code == 0
+    assert here("store", "state", "--data", str(plain)).exit_code == 0
+
+
+@pytest.mark.parametrize("damage", ["bytes", "cut", "table"])
+def test_a_damaged_store_of_its_own_is_set_aside_and_made_again(plain: Path, damage: str) -> None:
+    before = rows_in(plain)
+    file = plain / FILE
+    if damage == "table":
+        with sqlite3.connect(file) as there:
+            there.execute("DROP TABLE runs")
+        there.close()
+    else:
+        file.write_bytes(b"this is no database" * 999 if damage == "bytes" else file.read_bytes()[:9000])
+    bad = file.read_bytes()
+    listed = here("list", "--data", str(plain))
+    assert (listed.exit_code, "lostmotion store rebuild" in listed.err) == (0, True)
+    assert here("store", "rebuild", "--data", str(plain)).exit_code == 0
+    assert rows_in(plain) == before
+    aside = [one for one in plain.iterdir() if one.name.startswith(f"{FILE}.damaged-")]
+    assert bad in [one.read_bytes() for one in aside]
+
+
+def test_a_damaged_store_that_was_named_is_left_alone(
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = tmp_path / "named.sqlite3"
+    named.write_bytes(b"this is no database" * 999)
+    monkeypatch.setenv(STORE_URL, f"sqlite:///{named}")
+    assert here("store", "rebuild", "--data", str(plain)).exit_code == 2
+    assert named.read_bytes() == b"this is no database" * 999
+
+
 def test_a_server_that_is_not_there_is_told_and_done_without(
     plain: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

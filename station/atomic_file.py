@@ -6,7 +6,7 @@ import contextlib
 import json
 import os
 import stat
-from errno import EACCES, EDQUOT, EINVAL, EIO, EMLINK, ENOENT, ENOSPC, ENOSYS, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
+from errno import EACCES, EDQUOT, EFBIG, EINVAL, EIO, EMLINK, ENOENT, ENOSPC, ENOSYS, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -19,6 +19,9 @@ CANNOT_RESERVE = (EINVAL, EOPNOTSUPP)
 CANNOT_LINK = (EPERM, EOPNOTSUPP, ENOSYS, EMLINK)
 """What a file system answers that has no hard links."""
 
+LARGEST_DOCUMENT = 256 << 20
+"""Bytes of a document that are read: beyond any that this program writes, and no computer runs out of memory by it."""
+
 _LET_IN = "Give this user write permission"
 _LET_READ = "Give this user read permission for this file and its folders"
 _PUT_BACK = "Restore the missing folder of this path"
@@ -27,6 +30,7 @@ NEXT_ACTIONS: dict[int, str] = {
     EDQUOT: "Free disk space of this user, or raise the disk quota",
     EROFS: "Mount the disk for writing. If it already is, the disk failed: see dmesg and check the disk",
     EIO: "The disk failed or is disconnected: see dmesg, check its cable, and replace it before the next run",
+    EFBIG: "Restore the file from a backup, or move its folder out of the data folder",
     EACCES: _LET_IN,
     EPERM: _LET_IN,
     ENOENT: _PUT_BACK,
@@ -64,6 +68,13 @@ def open_handle(path: Path, flags: int) -> int:
         os.close(handle)
         raise OSError(EINVAL, "this is a folder, a pipe or a device, not a file", str(path))
     return handle
+
+
+def document_bytes(file: BinaryIO) -> bytes:
+    """Return the bytes of an open file that holds a document; OSError where it is larger than any, or unreadable."""
+    if os.fstat(file.fileno()).st_size > LARGEST_DOCUMENT:
+        raise OSError(EFBIG, f"this file is larger than {LARGEST_DOCUMENT >> 20} MB")
+    return file.read()
 
 
 def read_file(path: Path) -> bytes:

@@ -18,7 +18,7 @@ from typing import Annotated, Any, TypeVar, Union, get_args, get_origin, get_typ
 from pydantic import TypeAdapter, ValidationError
 from pydantic.fields import FieldInfo
 
-from station.atomic_file import open_file, refused
+from station.atomic_file import document_bytes, open_file, refused
 from station.documents.entries import Mark
 from station.documents.signs import all_in_signs, in_signs, may_hold_obeyed
 from station.errors import RecordError
@@ -49,7 +49,7 @@ def read_document(kind: type[Document], path: Path) -> Document:
     """
     try:
         with open_file(path) as file:
-            content = file.read()
+            content = document_bytes(file)
     except OSError as error:
         raise refused(path, error, "read") from error
     return document_in(kind, content, path)

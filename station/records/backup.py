@@ -199,7 +199,7 @@ def _no_file(path: Path) -> RecordError:
 def _database(path: Path) -> bytes:
     """Return a database as it is between two changes, whoever has it open."""
     with (
-        closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as there,
+        closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as there,
         closing(sqlite3.connect(":memory:")) as copy,
     ):
         there.backup(copy)

@@ -10,7 +10,7 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.atomic_file import open_file, refused
+from station.atomic_file import document_bytes, open_file, refused
 from station.documents.manifest import MANIFEST, Manifest, attempt_text
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
@@ -62,7 +62,7 @@ def _hash(run: RunRecord) -> str:
     path = run.folder / MANIFEST
     try:
         with open_file(path) as file:
-            return hashlib.sha256(file.read()).hexdigest()
+            return hashlib.sha256(document_bytes(file)).hexdigest()
     except OSError as error:
         raise refused(path, error, "read") from error
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from station.atomic_file import open_file
+from station.atomic_file import document_bytes, open_file
 from station.documents.manifest import Manifest
 from station.documents.reading import document_in
 from station.errors import StationError
@@ -69,7 +69,7 @@ class KnownRun:
         for name in names:
             try:
                 with open_file(self.record.folder / name) as file:
-                    content = file.read()
+                    content = document_bytes(file)
             except OSError:
                 continue
             try:

@@ -24,7 +24,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from station.atomic_file import as_json, open_file, refused, write_atomic
+from station.atomic_file import as_json, document_bytes, open_file, refused, write_atomic
 from station.documents.entries import Plain, plain
 from station.documents.exported import ExportedRun
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
@@ -134,7 +134,7 @@ class RunRecord:
         path = self.folder / name
         try:
             with open_file(path) as file:
-                return json.load(file)
+                return json.loads(document_bytes(file))
         except OSError as error:
             raise refused(path, error, "read") from error
         except (ValueError, RecursionError) as error:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
+from json import JSONDecodeError
 from pathlib import Path
 
 from sqlalchemy import Column, Connection, MetaData, String, Table, insert, inspect, text
@@ -17,8 +19,14 @@ from station.store.plant.sizes import grown, learn_sizes, tell_sizes
 from station.store.tables import METADATA, RUNS
 
 ACTION = "Check that the database is running and that this user may write to it"
+REBUILD = "Run 'lostmotion store rebuild'"
+MOVE_AWAY = "Move this file away: the next look makes a new one"
 HEAD = "0010"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
+
+DAMAGED = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+LACKS = ("no such table", "no such column", "table ")
+"""How SQLite says that its file is damaged: by its code, or by what it misses or finds in it."""
 
 VERSIONS = "alembic_version"
 _VERSION = Table(VERSIONS, MetaData(), Column("version_num", String(32), primary_key=True))
@@ -162,4 +170,14 @@ def _told(place: StorePlace) -> Iterator[None]:
         yield
     except (SQLAlchemyError, OSError) as error:
         cause = " ".join(str(getattr(error, "orig", None) or error).split())
-        raise StoreError(f"{place.shown}: the store of runs cannot be used: {cause[:300]}. {ACTION}") from error
+        action = (REBUILD if place.own else MOVE_AWAY) if is_damaged(error) else ACTION
+        raise StoreError(f"{place.shown}: the store of runs cannot be used: {cause[:300]}. {action}") from error
+    except JSONDecodeError as error:  # of a value in a row
+        raise StoreError(f"{place.shown}: the store of runs is damaged: {error}. {REBUILD}") from error
+
+
+def is_damaged(error: BaseException | None) -> bool:
+    """Whether what SQLite refused says that its file is no whole database, or lacks a table or a column."""
+    cause = getattr(error, "orig", None)
+    damaged = getattr(cause, "sqlite_errorcode", None) in DAMAGED
+    return damaged or (isinstance(cause, sqlite3.OperationalError) and str(cause).startswith(LACKS))

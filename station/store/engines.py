@@ -12,10 +12,12 @@ from collections import OrderedDict
 from threading import RLock
 from typing import Any
 
-from sqlalchemy import Connection, Engine, create_engine, event
+from sqlalchemy import URL, Connection, Engine, create_engine, event
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.pool import StaticPool
+
+from station.store.places import SQLITE
 
 IN_MEMORY = "sqlite://"
 BUSY_S = 3.0
@@ -100,7 +102,9 @@ def keep_connections() -> None:
 
 def new_engine(url: str) -> Engine:
     """Return an engine of its own; it connects when it is first used."""
-    place = make_url(url)
+    # The path of a file is one as it stands: in a URL, what is behind its ? would be options.
+    file = url.removeprefix(SQLITE) if url.startswith(SQLITE) else ""
+    place = URL.create("sqlite", database=file) if file else make_url(url)
     if url == IN_MEMORY:
         engine = create_engine(place, poolclass=StaticPool, connect_args={"check_same_thread": False})
     elif url.startswith("sqlite"):

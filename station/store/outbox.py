@@ -12,13 +12,13 @@ import time
 from collections.abc import Callable, Collection
 from contextlib import suppress
 
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, RowMapping, delete, insert, select, update
 
 from station.records.chain.chain_file import Chain, folder_id
-from station.records.chain.problems import Problem
+from station.records.chain.problems import PROBLEMS, Problem
 from station.records.chain.walk import Place, Walk, walk
 from station.records.run_record import MANIFEST, RunRecord
-from station.store.engine import Database, StoreError
+from station.store.engine import REBUILD, Database, StoreError
 from station.store.plant.removals import put_removals
 from station.store.rows.archived import put_archived
 from station.store.rows.projection import put_runs_apart, remove_chain, remove_rows, rows_of
@@ -54,7 +54,7 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
         return 0
     read = _ReadSoFar(chain)
     with database.reading() as connection:
-        row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+        row = _projection(connection, chain)
     if row is not None:
         if row["seen"] and row["seen"] == chain.seen_now():
             return 0  # without reading the file: a hundred megabytes where it has a few hundred thousand lines
@@ -125,10 +125,14 @@ def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples
 
 
 def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None:
-    """Take runs out of the store whose folders are gone, where no chain has anything to say of them."""
+    """Take runs out of the store whose folders are gone, where no chain has anything to say of them.
+
+    How far a chain of this name was in it goes with them: should it come back, all of it is put in again.
+    """
     if runs:
         with database.writing() as connection:
             remove_rows(connection, chain, list(runs))
+            connection.execute(delete(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id))
 
 
 def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
@@ -141,13 +145,36 @@ def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
 
 def stored_walk(connection: Connection, chain: Chain) -> Walk:
     """Return what was found in the chain up to where the store has it."""
-    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    row = _projection(connection, chain)
     if row is None:
         return Walk()
     found = Walk(Place(row["offset"], row["counter"], row["sha256"]))
     found.problems = [Problem(*one) for one in row["problems"]]
     found.keys.update(row["keys"])
     return found
+
+
+def _projection(connection: Connection, chain: Chain) -> RowMapping | None:
+    """Return how far a chain is in the store, None where it never was; StoreError where that row is damaged."""
+    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    if row is None or _is_sound(row):
+        return row
+    raise StoreError(f"{chain.data}: the store of runs is damaged: what it says of the chain is nothing. {REBUILD}")
+
+
+def _is_sound(row: RowMapping) -> bool:
+    numbers, texts = (row["offset"], row["counter"]), (row["sha256"], row["prefix_sha256"], row["seen"])
+    problems, keys = row["problems"], row["keys"]
+    return (
+        all(isinstance(one, int) and one >= 0 for one in numbers)
+        and all(isinstance(one, str) for one in texts)
+        and isinstance(problems, list)
+        and all(isinstance(one, list) and len(one) == len(Problem._fields) for one in problems)
+        and all(isinstance(word, str) for one in problems for word in one)
+        and all(one[0] in PROBLEMS for one in problems)
+        and isinstance(keys, dict)
+        and all(isinstance(one, int) for one in keys.values())
+    )
 
 
 def _keep_seen(database: Database, chain: Chain) -> None:
@@ -162,7 +189,7 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
 
     None are left only at the end of the chain; how far: bytes of its file.
     """
-    row = connection.execute(select(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id)).mappings().first()
+    row = _projection(connection, chain)
     begin, before = Place(), Walk()
     if row is not None and read.sha256(row["offset"]) == row["prefix_sha256"]:
         begin, before = Place(row["offset"], row["counter"], row["sha256"]), stored_walk(connection, chain)

@@ -8,16 +8,21 @@ from __future__ import annotations
 
 import hashlib
 import os
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from station.errors import StationError
 from station.own_place import own_folder
+from station.wall_clock import WALL_CLOCK
 
 STORE_URL = "LOSTMOTION_STORE"
 """Environment variable that names the database; `--store` sets it for one command."""
 
 FILE = "store.sqlite3"
+BESIDE = ("-wal", "-shm", "")
+"""Endings of what SQLite keeps beside a file, and of the file itself: it goes last, the others are of no use alone."""
+
 OWN_STORES = "stores"
 SQLITE, POSTGRESQL = "sqlite:///", "postgresql"
 MOUNTS = Path("/proc/self/mountinfo")
@@ -32,10 +37,14 @@ NETWORK = frozenset({
 
 @dataclass(frozen=True)
 class StorePlace:
-    """URL of the database, and what is to be said about it ('' where it is where everybody expects it)."""
+    """URL of the database, and what is to be said about it ('' where it is where everybody expects it).
+
+    own: a file that this program alone made, for one data folder.
+    """
 
     url: str
     note: str = ""
+    own: bool = False
 
     @property
     def shown(self) -> str:
@@ -57,11 +66,21 @@ def store_place(data: Path) -> StorePlace:
         return StorePlace(_checked(named))
     kind = network_type(data)
     if not kind and os.access(data, os.W_OK):
-        return StorePlace(f"{SQLITE}{data.resolve() / FILE}")
+        return StorePlace(f"{SQLITE}{data.resolve() / FILE}", own=True)
     name = hashlib.sha256(str(data.resolve()).encode()).hexdigest()[:32]
     own = own_folder(OWN_STORES) / f"{name}.sqlite3"
     why = f"is on a network mount ({kind})" if kind else "cannot be written"
-    return StorePlace(f"{SQLITE}{own}", f"{data}: {why}, so its store is {own}")
+    return StorePlace(f"{SQLITE}{own}", f"{data}: {why}, so its store is {own}", own=True)
+
+
+def set_aside(place: StorePlace) -> Path:
+    """Give a store's own file, with what SQLite keeps beside it, another name; return it. OSError where refused."""
+    file = Path(place.url.removeprefix(SQLITE))
+    aside = file.with_name(f"{file.name}.damaged-{WALL_CLOCK.now().strftime('%Y%m%dT%H%M%S.%fZ')}")
+    for end in BESIDE:
+        with suppress(FileNotFoundError):
+            os.rename(f"{file}{end}", f"{aside}{end}")  # noqa: PTH104 - an ending is no part of a path
+    return aside
 
 
 def store_is_there(data: Path) -> bool:

@@ -22,6 +22,7 @@ from sqlalchemy import Connection, select
 from station.atomic_file import seen_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
+from station.records.chain.head import chain_seen_in
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
 from station.records.folder_check import folder_problems, name_problems, runs_before
@@ -125,7 +126,9 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
         stored, altered = _stored(connection, chain)
         files = _files_of_newest(connection, chain, folders)
     changed, strays = _compared(chain, stored, files, folders)
-    gone = [] if chain.there else [run for run in stored if run not in folders]
+    # A chain that this computer has seen here is away, maybe for a moment: what it said of its runs stays.
+    kept = chain.there or chain_seen_in(data) is not None
+    gone = [] if kept else [run for run in stored if run not in folders]
     remove_runs(database, chain, gone)
     put_runs(database, chain, changed)
     view = View(data, chain, database, trust_of(chain))

@@ -15,7 +15,7 @@ from station.quality.dfq.write import Written, dfq_of_run
 from station.records.data_folder import Store
 from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.reports.export_of_run import export_run
-from station.results.export import FORMATS, LOCALES
+from station.results.export import FORMATS, LOCALES, sidecar
 from station.store.quality.lot import production
 from station.version import version
 
@@ -44,6 +44,7 @@ def export(name: str, data: Path, file_format: str, out: Path | None, *, locale:
     if path.is_dir():
         path = path / f"{run.id}.{file_format}"
     refuse_records(path)
+    refuse_records(sidecar(path))
     if file_format == DFQ:
         altered = alterations(run)
         if altered:

@@ -8,11 +8,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+from station.atomic_file import refused
 from station.counted import counted
 from station.documents.entries import plain
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
+from station.store.engine import StoreError, is_damaged
 from station.store.outbox import rebuild
+from station.store.places import set_aside, store_place
 from station.store.table_counts import behind, counts
 from station.store.view import look_at, opened, warn
 
@@ -31,11 +34,28 @@ class StoreState:
 def rebuild_store(data: Path, *, as_json: bool) -> int:
     """Make the store of a data folder again from its chain and its run folders; 0.
 
+    A damaged file of its own is set aside, and a new one made.
+
     Raises:
         StationError: no such folder, or the store cannot be used.
 
     """
     _refuse_no_folder(data)
+    try:
+        return _rebuilt(data, as_json=as_json)
+    except StoreError as error:
+        place = store_place(data)
+        if not (place.own and is_damaged(error.__cause__)):
+            raise
+        try:
+            aside = set_aside(place)
+        except OSError as refusal:
+            raise refused(Path(str(refusal.filename)), refusal) from error
+        warn(f"the store was damaged, and is kept as {aside}. A new one is made")
+    return _rebuilt(data, as_json=as_json)
+
+
+def _rebuilt(data: Path, *, as_json: bool) -> int:
     database = opened(data, may_take_long=True)
     try:
         rebuild(database, Chain(data), told=_tell)

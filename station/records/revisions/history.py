@@ -22,7 +22,7 @@ from pydantic import ValidationError
 from recipes import RecipeError, shipped_recipes
 from recipes.schema.recipe_schema import Header
 from recipes.text.yaml_source import parse_source, read_bytes
-from station.atomic_file import open_file, refused
+from station.atomic_file import document_bytes, open_file, refused
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import (
@@ -147,7 +147,7 @@ def event_of(entry: Entry) -> Event:
 def _content(path: Path) -> bytes:
     try:
         with open_file(path) as file:
-            return file.read()
+            return document_bytes(file)
     except FileNotFoundError:
         return b""
     except OSError as error:

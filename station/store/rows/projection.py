@@ -20,6 +20,7 @@ from station.documents.result import MetricValue, Result, SideValue
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
+from station.records.chain.head import chain_seen_in
 from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
@@ -36,6 +37,9 @@ MOST_AT_ONCE = 500
 
 LONGEST_CAUSE = 200
 
+UNREAD = (": is missing or cannot be read", f"{RESULT}: is not a result")
+"""How `alterations` ends where a file, or a part of it, could not be read: at the next look it may be."""
+
 REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
 """How a database, or what speaks to it, refuses a value: one too large, a text that it cannot write, a row twice."""
 
@@ -47,8 +51,19 @@ MEASURED, CONVERTED = "output torque as measured", "output torque converted from
 def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
     """Return the rows of a run; of one that is damaged, altered or not concluded, what can be told for sure.
 
+    What could not be read at this look is compared again at the next one: then nothing is kept as seen of the run.
+
     samples: compare every byte of the samples, and not their size alone.
     """
+    found, unread = _rows_and_unread(run, chain, samples=samples)
+    if unread or (tables.RUNS in found and not chain.there and chain_seen_in(chain.data) is not None):
+        for row in found.get(tables.RUNS, []):
+            row |= {"seen": "", "seen_files": ""}
+    return found
+
+
+def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Rows, bool]:
+    """Return the rows of a run, and whether some file of it could not be read."""
     entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
     created = next((entry for entry in entries if entry.kind == CREATED), None)
     sealed = next((entry for entry in entries if entry.kind == SEALED), None)
@@ -67,8 +82,9 @@ def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
             found |= {} if result is None else _result_rows(name, run, result)
             found |= {} if altered else unit_rows(chain, manifest)
     except RecordError as error:
-        return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}")
-    return found
+        unread = isinstance(error.__cause__, OSError)
+        return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}"), unread
+    return found, any(text.endswith(UNREAD) for text in altered)
 
 
 def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import (
+    URL,
     Boolean,
     Column,
     Connection,
@@ -270,7 +271,7 @@ class StationDatabase:
             raise StationError(
                 f"{self.path}: cannot be opened: {error.strerror}. Choose another folder with --data"
             ) from error
-        self._engine = create_engine(f"sqlite:///{self.path}", connect_args={"timeout": BUSY_S})
+        self._engine = create_engine(URL.create("sqlite", database=str(self.path)), connect_args={"timeout": BUSY_S})
         event.listen(self._engine, "connect", _set_up)
         event.listen(self._engine, "begin", _begin)
         self._readers = self._engine.execution_options(**{ONLY_READS: True})

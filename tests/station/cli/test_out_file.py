@@ -9,12 +9,30 @@ from typing import Any
 import pytest
 from lostmotion_command import here
 
-from station.cli import command_line
-from station.cli.out_file import writing
+from station.archive import fetch, identity, push
+from station.archive import settings as archive_settings
+from station.cli import command_line, out_file
+from station.cli.out_file import OWN, OWN_FOLDERS, refuse_records, writing
 from station.errors import StationError
+from station.opcua import server
+from station.opcua import settings as opcua_settings
+from station.records import archive_note, certificate_code, studies, traces
+from station.records.chain import chain_file, folder_lock, keys, old_index
+from station.records.revisions import history, revision
+from station.reevaluation import ledger
+from station.run.jog import jogs
+from station.run.way_back import recoveries
+from station.store import places, retention
+from station.web import models, running
+from station.web import settings as web_settings
+from station.web.aqdef import settings as aqdef_settings
+from station.web.bench import jogging, way_back
+from station.web.labels import settings as labels_settings
+from station.web.mes import settings as mes_settings
+from station.web.people import database
 
 WRITERS = {
-    "export": ("export", "RUN"),
+    "export": ("export", "RUN", "--format", "csv"),
     "runs": ("runs", "--data", "RUN/.."),
     "report": ("report", "RUN"),
     "model": ("model", "RUN", "--kind", "cubic"),
@@ -100,6 +118,48 @@ def test_the_chain_of_the_runs_is_not_written_over(run: Path, command: str) -> N
     refused = here(*words, "--out", str(run.parent / "chain.jsonl"))
     assert (refused.exit_code, "chain.jsonl" in refused.err) == (2, True)
     assert content(run.parent) == before
+
+
+@pytest.mark.parametrize("command", sorted(set(WRITERS) - set(FOLDERS)))
+def test_what_keeps_a_data_folder_is_not_written_over(run: Path, command: str) -> None:
+    data = run.parent
+    (data / "recipes" / "one").mkdir(parents=True)
+    before = content(data)
+    words = [word.replace("RUN", str(run)) for word in WRITERS[command]]
+    own = ("station.sqlite3", "store.sqlite3-wal", "recipes.jsonl", ".lock", "jogs", "recipes/one/r1.yaml")
+    for name in own:
+        refused = here(*words, "--out", str(data / name))
+        assert (refused.exit_code, f"{data / name}: this name is one of the program's own" in refused.err) == (2, True)
+    if command == "export":  # it writes a second file beside
+        assert here(*words, "--out", str(data / "archive-id")).exit_code == 2
+    assert content(data) == before
+
+
+def test_every_name_of_the_program_in_a_data_folder_is_in_the_table() -> None:
+    names = [
+        chain_file.CHAIN, old_index.INDEX, folder_lock.LOCK, keys.FOLDER_KEYS, history.HISTORY, archive_note.NOTE,
+        identity.MARKER, push.LOCK, places.FILE, database.FILE, database.LOCK, server.LOCK, retention.FILE,
+        running.OUTPUT, way_back.OUTPUT, jogging.OUTPUT, web_settings.FILE, labels_settings.FILE, aqdef_settings.FILE,
+        mes_settings.FILE, models.FILE, opcua_settings.FILE, archive_settings.SETTINGS, certificate_code.CERTIFICATE,
+    ]  # fmt: skip
+    beside = {f"{name}{end}" for name in (places.FILE, database.FILE) for end in ("-wal", "-shm", "-journal")}
+    assert {*names, *beside} == OWN
+    folders = {revision.TEXTS, recoveries.FOLDER, jogs.FOLDER, studies.FOLDER, ledger.FOLDER, traces.FOLDER}
+    assert {*folders, fetch.FETCHING, "opcua"} == OWN_FOLDERS
+
+
+def test_the_place_of_a_data_folder_whose_chain_is_away_is_kept(run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    data = run.parent
+    for name in ("chain.jsonl", "index.jsonl"):
+        (data / name).unlink(missing_ok=True)
+    refuse_records(data / "recipes.jsonl")
+    monkeypatch.setattr(out_file, "chain_seen_in", lambda folder: "id" if folder == data.resolve() else None)
+    with pytest.raises(StationError, match="one of the program's own"):
+        refuse_records(data / "recipes.jsonl")
+    (run / "samples.json").unlink()
+    (run / "run.json").unlink()
+    with pytest.raises(StationError, match="lies in the folder of run"):
+        refuse_records(run / "result.json")
 
 
 def test_a_report_may_be_written_into_the_folder_of_its_own_run(run: Path) -> None:

@@ -22,6 +22,8 @@ from station.records.backup import LIST, back_up, restore
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
 from station.records.verify import verify_folder
+from station.store.places import FILE as STORE
+from station.store.places import STORE_URL
 from station.web.people import audit
 from station.web.people.database import FILE, StationDatabase
 
@@ -74,6 +76,22 @@ def test_what_was_wiped_comes_back_as_it_was(data: Path, tmp_path: Path) -> None
     assert [run["verdict"] for run in json.loads(here("list", "--data", str(data), "--json").out)] == [
         "PASS", "FAIL", "PASS",
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize("name", ["a?b", "a#b", "a%20b", "a@b:c"])
+def test_accounts_and_audit_trail_are_in_it_whatever_the_folder_is_called(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.delenv(STORE_URL, raising=False)
+    head, folder, file = head_of(data), tmp_path / name, tmp_path / "backup.tar"
+    data.rename(folder)
+    assert here("list", "--data", str(folder)).exit_code == 0
+    assert (folder / STORE).is_file()
+    assert head_of(folder) == head
+    back_up(folder, file)
+    restore(file, tmp_path / f"{name} again")
+    assert head_of(tmp_path / f"{name} again") == head
+    assert {one.name for one in tmp_path.iterdir() if one.suffix != ".tar"} == {name, f"{name} again"}
 
 
 def test_keys_and_secrets_are_in_it_and_stay_for_their_owner_alone(data: Path, tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from station_samples import SETUP
 
 from station.errors import RecordError
 from station.records.attempts import earlier_attempts
+from station.records.certificate_code import code_of
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.old_index import INDEX
 from station.records.data_folder import Store
@@ -164,3 +165,15 @@ def test_an_index_that_cannot_be_read_begins_no_chain(tmp_path: Path, keep_back:
     with pytest.raises(RecordError, match=f"{INDEX}: cannot be read"):
         Store(tmp_path).create("U", SETUP, {})
     assert not Chain(tmp_path).there
+
+
+def test_a_huge_file_in_place_of_a_document_is_damaged_and_stops_nobody(data: Path, deserted: RunRecord) -> None:
+    os.truncate(deserted.folder / "run.json", 1 << 40)  # a hole: it takes no room, and no memory could hold it
+    states = {row["run"]: row["state"] for row in here("list", "--data", str(data), "--json").json}
+    assert states.pop(deserted.id) == "damaged"
+    assert list(states.values()) == ["complete"]
+    checked = here("verify", "--data", str(data), "--json")
+    assert [(one["kind"], one["run"]) for one in checked.json["problems"] if one["run"]] == [("damaged", deserted.id)]
+    for kept in (deserted.manifest, lambda: deserted.read_json("run.json"), lambda: code_of(deserted)):
+        with pytest.raises(RecordError, match=r"run\.json: cannot be read: this file is larger than 256 MB"):
+            kept()

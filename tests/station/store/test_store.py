@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import shutil
@@ -34,8 +35,9 @@ from station.records.run_record import RunRecord
 from station.records.seal import sealed_names
 from station.run.run_list import row
 from station.store import tables
+from station.store import view as view_of
 from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
-from station.store.outbox import catch_up, rebuild
+from station.store.outbox import catch_up, rebuild, remove_runs
 from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
 from station.store.plant.months import is_partition
 from station.store.quality.counts import GROUPINGS, Verdicts
@@ -73,6 +75,10 @@ def lot(tmp_path: Path, store_url: str | None) -> Path:
 def rows_in(data: Path) -> dict[str, list[tuple[Any, ...]]]:
     with look_at(data) as view:
         return all_rows(view.database, view.chain)
+
+
+def numbers(rows: dict[str, list[tuple[Any, ...]]]) -> dict[str, int]:
+    return {name: len(found) for name, found in rows.items()}
 
 
 def test_every_table_has_what_the_folders_say(lot: Path) -> None:
@@ -216,8 +222,73 @@ def test_a_restored_run_counts_again(lot: Path, tmp_path: Path) -> None:
     assert len(stored_values(lot, ASK).values) == 6
     (run / "run.json").write_bytes(text_before)
     assert len(stored_values(lot, ASK).values) == 7
-    after = rows_in(lot)
-    assert {name: len(rows) for name, rows in after.items()} == {name: len(rows) for name, rows in before.items()}
+    assert numbers(rows_in(lot)) == numbers(before)
+
+
+@pytest.mark.parametrize("name", ["run.json", "result.json", "recipe.yaml"])
+def test_a_file_that_could_not_be_read_at_one_look_is_compared_again_at_the_next(
+    lot: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    monkeypatch.setattr(view_of, "EVERY_FILE_OF", 1)  # of the run below run.json alone is looked at
+    run = Store(lot).runs()[0].folder
+    before = rows_in(lot)
+    os.utime(run / "run.json")
+    real = os.open
+
+    def refusing(path: Any, *args: Any, **named: Any) -> int:
+        if str(path) == str(run / name):
+            raise OSError(errno.EMFILE, os.strerror(errno.EMFILE), path)
+        return real(path, *args, **named)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(os, "open", refusing)
+        with look_at(lot) as view:
+            assert ("altered", run.name) in {(problem.kind, problem.run) for problem in view.problems}
+    with look_at(lot) as view:
+        assert view.problems == []
+    assert {name: len(rows) for name, rows in rows_in(lot).items()} == {
+        name: len(rows) for name, rows in before.items()
+    }
+
+
+@pytest.mark.parametrize("away", ["folder", "runs and chain", "chain"])
+def test_a_look_while_the_chain_is_away_for_a_moment_takes_nothing_out_of_the_store(
+    lot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, away: str
+) -> None:
+    if STORE_URL not in os.environ and away == "folder":
+        monkeypatch.setenv(STORE_URL, f"sqlite:///{tmp_path / 'apart.sqlite3'}")
+    before, aside = rows_in(lot), tmp_path / "aside"
+    if away == "folder":
+        lot.rename(aside)
+        lot.mkdir()
+    else:
+        aside.mkdir()
+        for one in lot.iterdir():
+            if one.name == CHAIN or (away == "runs and chain" and one.is_dir()):
+                one.rename(aside / one.name)
+    if away == "chain":
+        os.utime(Store(lot).runs()[0].folder / "run.json")
+    with look_at(lot) as view:
+        assert "no_chain" in {problem.kind for problem in view.problems}
+        assert len(view.missing) == (0 if away == "chain" else 12)
+    if away == "folder":
+        lot.rmdir()
+        aside.rename(lot)
+    else:
+        for one in aside.iterdir():
+            one.rename(lot / one.name)
+    with look_at(lot) as view:
+        assert view.problems == []
+    assert {name: len(rows) for name, rows in rows_in(lot).items()} == {
+        name: len(rows) for name, rows in before.items()
+    }
+
+
+def test_runs_that_are_taken_out_are_put_in_again_from_the_start_of_the_chain(lot: Path) -> None:
+    before = rows_in(lot)
+    with look_at(lot) as view:
+        remove_runs(view.database, view.chain, view.runs)
+    assert rows_in(lot) == before
 
 
 @pytest.mark.parametrize("torn", [60, 1])
@@ -324,6 +395,50 @@ def test_a_damaged_or_empty_store_takes_nothing_from_the_answers(plain: Path, da
         (plain / name).unlink(missing_ok=True)
     (plain / FILE).write_bytes(damage)
     assert len(stored_values(plain, ASK).values) == 6
+
+
+@pytest.mark.parametrize(
+    "said", ["problems = 'xx'", "problems = '[[1]]'", "\"offset\" = 'abc'", "counter = -1", "keys = '[1]'"]
+)
+def test_a_damaged_row_of_the_chain_is_told_and_made_again(plain: Path, said: str) -> None:
+    rows_in(plain)
+    with sqlite3.connect(plain / FILE) as there:
+        there.execute(f"UPDATE projections SET {said}")  # noqa: S608 - of this test
+    there.close()
+    listed = here("list", "--data", str(plain))
+    assert (listed.exit_code, "lostmotion store rebuild" in listed.err) == (0, True)
+    assert here("store", "state", "--data", str(plain)).exit_code == 2
+    assert here("store", "rebuild", "--data", str(plain)).exit_code == 0
+    assert here("store", "state", "--data", str(plain)).exit_code == 0
+
+
+@pytest.mark.parametrize("damage", ["bytes", "cut", "table"])
+def test_a_damaged_store_of_its_own_is_set_aside_and_made_again(plain: Path, damage: str) -> None:
+    before = rows_in(plain)
+    file = plain / FILE
+    if damage == "table":
+        with sqlite3.connect(file) as there:
+            there.execute("DROP TABLE runs")
+        there.close()
+    else:
+        file.write_bytes(b"this is no database" * 999 if damage == "bytes" else file.read_bytes()[:9000])
+    bad = file.read_bytes()
+    listed = here("list", "--data", str(plain))
+    assert (listed.exit_code, "lostmotion store rebuild" in listed.err) == (0, True)
+    assert here("store", "rebuild", "--data", str(plain)).exit_code == 0
+    assert rows_in(plain) == before
+    aside = [one for one in plain.iterdir() if one.name.startswith(f"{FILE}.damaged-")]
+    assert bad in [one.read_bytes() for one in aside]
+
+
+def test_a_damaged_store_that_was_named_is_left_alone(
+    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    named = tmp_path / "named.sqlite3"
+    named.write_bytes(b"this is no database" * 999)
+    monkeypatch.setenv(STORE_URL, f"sqlite:///{named}")
+    assert here("store", "rebuild", "--data", str(plain)).exit_code == 2
+    assert named.read_bytes() == b"this is no database" * 999
 
 
 def test_a_server_that_is_not_there_is_told_and_done_without(

@@ -42,6 +42,11 @@ def _replace(error: UnicodeError) -> tuple[str, int]:
 codecs.register_error(HANDLER, _replace)
 
 
+def with_known_signs(text: str, encoding: str) -> str:
+    """Return a text as an encoding can say it: what is laid out in columns is as wide then as what is written."""
+    return text.encode(encoding, HANDLER).decode(encoding)
+
+
 def never_crash() -> None:
     """Let standard output and standard error replace what their encoding lacks."""
     for stream in (sys.stdout, sys.stderr):

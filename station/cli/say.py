@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from station.documents.entries import plain
+from station.plain_text import with_known_signs
 from station.reports.result_view import result_console
 
 GAP = 2
@@ -59,8 +60,8 @@ def print_grid(console: Console, grid: Grid) -> None:
     last column if it is text, so that a row stays one line. On a terminal that is too narrow for that, a row is a
     paragraph.
     """
-    rows = [tuple(row) for row in grid.rows]
-    columns = list(zip(grid.heads, *rows, strict=True))
+    heads, *rows = ([with_known_signs(cell, console.encoding) for cell in row] for row in (grid.heads, *grid.rows))
+    columns = list(zip(heads, *rows, strict=True))
     widest = [max(_line_width(cell) for cell in cells) for cells in columns]
     least = [
         _least_width(cells, is_number=number in grid.right)
@@ -72,10 +73,10 @@ def print_grid(console: Console, grid: Grid) -> None:
     needed = sum(widths) + GAP * (len(columns) - 1)
     if console.is_terminal and needed > console.width:
         for row in rows:
-            _print_paragraph(console, grid.heads, row)
+            _print_paragraph(console, heads, row)
         return
     table = Table(box=None, padding=(0, GAP, 0, 0), pad_edge=False, header_style="dim")
-    for number, (head, width) in enumerate(zip(grid.heads, widths, strict=True)):
+    for number, (head, width) in enumerate(zip(heads, widths, strict=True)):
         table.add_column(Text(head), justify="right" if number in grid.right else "left", width=width, overflow="fold")
     for row in rows:
         table.add_row(*map(Text, row))

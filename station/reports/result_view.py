@@ -16,6 +16,7 @@ from station.documents.manifest import attempt_text
 from station.documents.result import Evaluation, MetricValue, Result
 from station.documents.scan_report import Pace
 from station.documents.timing import Timing
+from station.plain_text import with_known_signs
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.run_record import RunRecord
 from station.reports.headline import badges, headline, how_it_ended, remaining_reasons, virtual_unit
@@ -36,8 +37,11 @@ HEADLINE_STYLES = VERDICT_STYLES | {"fault": "bold white on red", "stopped": "bo
 BADGE_STYLE = "bold white on magenta"
 
 
-def metrics_table(metrics: Sequence[MetricValue]) -> Table:
-    """Return the metrics as a table, those that decide first, each by the side that judges it."""
+def metrics_table(metrics: Sequence[MetricValue], encoding: str = "utf-8") -> Table:
+    """Return the metrics as a table, those that decide first, each by the side that judges it.
+
+    encoding: of the stream that it is printed on.
+    """
     table = Table(box=None, padding=(0, 2, 0, 0), header_style="dim")
     table.add_column("metric", overflow="fold")
     table.add_column("value", justify="right", no_wrap=True)
@@ -46,15 +50,25 @@ def metrics_table(metrics: Sequence[MetricValue]) -> Table:
     for metric in sorted(judging_rows(metrics), key=lambda one: one.verdict is None):
         verdict = metric.verdict
         style = {"PASS": "green", "FAIL": "bold red", "NOT DECIDABLE": "yellow"}.get(verdict or "", "")
-        table.add_row(
+        cells = (
             titled_name(metric),
             Text(number(metric.value, metric.uncertainty), style="bold" if verdict else ""),
             Text(spread_text(metric), style="dim"),
-            unit_text(metric.unit),
-            limits_text(metric.limits),
+            Text(unit_text(metric.unit)),
+            Text(limits_text(metric.limits)),
             Text(verdict or "", style=style),
         )
+        table.add_row(*(_with_known_signs(cell, encoding) for cell in cells))
     return table
+
+
+def _with_known_signs(text: Text, encoding: str) -> Text:
+    """Return a styled text as an encoding can say it, before it is laid out."""
+    for sign in sorted(set(text.plain)):
+        known = with_known_signs(sign, encoding)
+        if known != sign:
+            text = Text(known).join(text.split(sign, allow_blank=True))
+    return text
 
 
 def titled_name(row: MetricValue) -> Text:
@@ -145,7 +159,7 @@ def show_result(console: Console, result: Result, *, files: bool = True) -> None
         console.print(definitions_table(result.metrics))
         console.print()
     elif result.metrics:
-        console.print(metrics_table(result.metrics))
+        console.print(metrics_table(result.metrics, console.encoding))
         for told in summary_lines(result):
             console.print(told, style="dim", highlight=False)
         console.print()
@@ -158,7 +172,7 @@ def show_result(console: Console, result: Result, *, files: bool = True) -> None
         for told in (timing_line(result.timing), *timing_details(proof_of(result))):
             console.print(told, style="dim", highlight=False)
     _show_origin(console, result, files=files)
-    console.print(verdict_panel(result))
+    console.print(verdict_panel(result, console.encoding))
     if files and result.record:
         show_report(console, Path(result.record))
 
@@ -213,8 +227,11 @@ def way_back_command(result: Result) -> str:
     return "lostmotion recover" + ("" if data.name == "runs" and not data.is_absolute() else f" --data {data}")
 
 
-def verdict_panel(result: Result) -> Panel:
-    """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left."""
+def verdict_panel(result: Result, encoding: str = "utf-8") -> Panel:
+    """Return the box at the end of a result: headline, verdict, whether it is real, why, how the bench was left.
+
+    encoding: of the stream that it is printed on.
+    """
     head = headline(result)
     style = HEADLINE_STYLES[head.style]
     recipe = result.recipe
@@ -238,4 +255,4 @@ def verdict_panel(result: Result) -> Panel:
             body.append("\nThis command recovers the bench step by step, and asks before it moves: ").append(
                 way_back, style="bold"
             )
-    return Panel(body, border_style=style.split()[-1], padding=(0, 1))
+    return Panel(_with_known_signs(body, encoding), border_style=style.split()[-1], padding=(0, 1))

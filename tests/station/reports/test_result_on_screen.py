@@ -19,11 +19,12 @@ from definitions.checks import CHECKS
 from station.cli.say import Grid, print_grid
 from station.documents.entries import plain
 from station.documents.manifest import MASTER
+from station.plain_text import HANDLER
 from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
 from station.reports.result_notes import MOST_NOTES, check_lines, note_lines, summary_lines
-from station.reports.result_view import metrics_table, titled_name
+from station.reports.result_view import metrics_table, titled_name, verdict_panel
 from station.run.run_list import RunRow, print_runs
 
 ROOT = Path(__file__).parents[3]
@@ -283,3 +284,21 @@ def test_on_a_narrow_terminal_a_metric_keeps_its_whole_name() -> None:
     Console(file=stream, width=55).print(metrics_table([near]))
     assert "…" not in stream.getvalue()
     assert "NOT DECIDABLE" in stream.getvalue()
+
+
+def test_signs_that_a_terminal_lacks_are_replaced_before_anything_is_laid_out() -> None:
+    near = metric(id="backlash_width_3pct", limits={"min": None, "max": 1.0}, verdict="NOT DECIDABLE", uncertainty=0.61)
+    shown = result(metrics=[near, metric(id="windup")], reasons=["width ± 0.6 is near 1 ≤ x ≤ 2 … 3 " * 9])
+    stream = io.TextIOWrapper(io.BytesIO(), encoding="ascii", errors=HANDLER)
+    console = Console(file=stream, width=80)
+    console.print(metrics_table(shown.metrics, console.encoding))
+    console.print(verdict_panel(shown, console.encoding))
+    print_grid(console, GRIDS["numbers"])
+    stream.seek(0)
+    lines = stream.read().splitlines()
+    box = next(number for number, line in enumerate(lines) if line.startswith("+-"))
+    end = next(number for number, line in enumerate(lines) if line.startswith("+-") and number > box)
+    for part in (lines[:box], lines[box : end + 1], lines[end + 1 :]):
+        assert len({len(line) for line in part}) == 1, part
+    assert any("+/-" in line for line in lines[:box])
+    assert any("..." in line for line in lines[end + 1 :])

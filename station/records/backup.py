@@ -25,6 +25,7 @@ from typing import Any
 from station.atomic_file import read_file, refused, sync_folder
 from station.documents.entries import plain
 from station.documents.reading import document_in
+from station.documents.signs import in_signs
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
@@ -94,9 +95,11 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if file.resolve().is_relative_to(data.resolve()):
         raise StationError(f"{file}: the backup would be inside the data folder. Choose a place on another disk")
     _refuse_while_on(data)
-    part = file.with_name(f".{file.name}.part")
+    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # two that begin at once have one each
+    made = False
     try:
         with _for_the_owner_alone(part) as stream:
+            made = True
             kept = _written(data, stream, told)
             stream.flush()
             os.fsync(stream.fileno())
@@ -105,7 +108,8 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     except OSError as error:
         raise refused(file, error) from error
     finally:
-        part.unlink(missing_ok=True)
+        if made:
+            part.unlink(missing_ok=True)
     return kept
 
 
@@ -175,6 +179,9 @@ def _files(data: Path) -> Iterator[Path]:
         for name in sorted(names):
             path = Path(folder) / name
             at_top = Path(folder) == data
+            shown = os.fsencode(path).decode("utf-8", "backslashreplace")
+            if shown != str(path):
+                raise RecordError(f"{in_signs(shown)}: this name is no UTF-8 text. Give the file another name")
             if at_top and (name in LEFT_OUT or name.endswith(MADE_AGAIN)):
                 continue
             if _is_link(path) or is_file(path) is False:
@@ -198,12 +205,18 @@ def _no_file(path: Path) -> RecordError:
 
 def _database(path: Path) -> bytes:
     """Return a database as it is between two changes, whoever has it open."""
-    with (
-        closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as there,
-        closing(sqlite3.connect(":memory:")) as copy,
-    ):
-        there.backup(copy)
-        return bytes(copy.serialize())
+    try:
+        with (
+            closing(sqlite3.connect(f"{path.resolve().as_uri()}?mode=ro", uri=True)) as there,
+            closing(sqlite3.connect(":memory:")) as copy,
+        ):
+            there.backup(copy)
+            return bytes(copy.serialize())
+    except sqlite3.DatabaseError as error:
+        raise RecordError(
+            f"{path}: cannot be read as a database: {error}. Restore this file from an earlier backup, or move it out "
+            "of the data folder"
+        ) from error
 
 
 def _for_the_owner_alone(path: Path) -> Any:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 import shutil
 import tarfile
 from collections.abc import Callable
@@ -15,7 +16,7 @@ from opcua_support import SETTINGS
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
-from station.errors import StationError
+from station.errors import RecordError, StationError
 from station.opcua.certificates import checked_certificate, make_certificate
 from station.opcua.settings import load_opcua
 from station.records.backup import LIST, back_up, restore
@@ -92,6 +93,27 @@ def test_accounts_and_audit_trail_are_in_it_whatever_the_folder_is_called(
     restore(file, tmp_path / f"{name} again")
     assert head_of(tmp_path / f"{name} again") == head
     assert {one.name for one in tmp_path.iterdir() if one.suffix != ".tar"} == {name, f"{name} again"}
+
+
+def test_a_name_that_is_no_text_and_a_damaged_database_are_refused_by_name(data: Path, tmp_path: Path) -> None:
+    odd = Path(os.fsdecode(bytes(data) + b"/\xff.txt"))
+    odd.touch()
+    with pytest.raises(RecordError, match=r"xff\.txt: this name is no UTF-8 text") as told:
+        back_up(data, tmp_path / "b.tar")
+    assert str(told.value).isprintable()
+    odd.unlink()
+    (data / FILE).write_bytes(b"this is no database" * 999)
+    with pytest.raises(RecordError, match=r"station\.sqlite3: cannot be read as a database"):
+        back_up(data, tmp_path / "b.tar")
+    assert [one.name for one in tmp_path.iterdir()] == ["runs"]
+
+
+def test_a_backup_removes_no_part_of_another_one(data: Path, tmp_path: Path) -> None:
+    other = tmp_path / f".b.tar.{os.getpid()}.part"
+    other.write_bytes(b"of another one")
+    with pytest.raises(RecordError):
+        back_up(data, tmp_path / "b.tar")
+    assert other.read_bytes() == b"of another one"
 
 
 def test_keys_and_secrets_are_in_it_and_stay_for_their_owner_alone(data: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ import hashlib
 import io
 import json
 import os
+import secrets
 import shutil
 import sqlite3
 import tarfile
@@ -95,7 +96,7 @@ def back_up(data: Path, file: Path, told: Callable[[int], None] = lambda _: None
     if file.resolve().is_relative_to(data.resolve()):
         raise StationError(f"{file}: the backup would be inside the data folder. Choose a place on another disk")
     _refuse_while_on(data)
-    part = file.with_name(f".{file.name}.{os.getpid()}.part")  # two that begin at once have one each
+    part = file.with_name(f".{file.name}.{secrets.token_hex(4)}.part")  # two that begin at once have one each
     made = False
     try:
         with _for_the_owner_alone(part) as stream:

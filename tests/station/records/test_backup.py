@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import secrets
 import shutil
 import tarfile
 from collections.abc import Callable
@@ -108,12 +109,16 @@ def test_a_name_that_is_no_text_and_a_damaged_database_are_refused_by_name(data:
     assert [one.name for one in tmp_path.iterdir()] == ["runs"]
 
 
-def test_a_backup_removes_no_part_of_another_one(data: Path, tmp_path: Path) -> None:
-    other = tmp_path / f".b.tar.{os.getpid()}.part"
+def test_a_backup_removes_no_part_of_another_one(data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    names = iter(("1111", "2222"))
+    monkeypatch.setattr(secrets, "token_hex", lambda _: next(names))
+    other = tmp_path / ".b.tar.1111.part"
     other.write_bytes(b"of another one")
     with pytest.raises(RecordError):
         back_up(data, tmp_path / "b.tar")
     assert other.read_bytes() == b"of another one"
+    back_up(data, tmp_path / "b.tar")  # what a killed one has left refuses no later one
+    assert {one.name for one in tmp_path.iterdir()} == {"runs", "b.tar", other.name}
 
 
 def test_keys_and_secrets_are_in_it_and_stay_for_their_owner_alone(data: Path, tmp_path: Path) -> None:

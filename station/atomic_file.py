@@ -6,7 +6,21 @@ import contextlib
 import json
 import os
 import stat
-from errno import EACCES, EDQUOT, EFBIG, EINVAL, EIO, EMLINK, ENOENT, ENOSPC, ENOSYS, ENOTDIR, EOPNOTSUPP, EPERM, EROFS
+from errno import (
+    EACCES,
+    EDQUOT,
+    EINVAL,
+    EIO,
+    EMLINK,
+    ENOENT,
+    ENOSPC,
+    ENOSYS,
+    ENOTDIR,
+    EOPNOTSUPP,
+    EOVERFLOW,
+    EPERM,
+    EROFS,
+)
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -30,7 +44,7 @@ NEXT_ACTIONS: dict[int, str] = {
     EDQUOT: "Free disk space of this user, or raise the disk quota",
     EROFS: "Mount the disk for writing. If it already is, the disk failed: see dmesg and check the disk",
     EIO: "The disk failed or is disconnected: see dmesg, check its cable, and replace it before the next run",
-    EFBIG: "Restore the file from a backup, or move its folder out of the data folder",
+    EOVERFLOW: "Restore the file from a backup, or move its folder out of the data folder",
     EACCES: _LET_IN,
     EPERM: _LET_IN,
     ENOENT: _PUT_BACK,
@@ -73,7 +87,7 @@ def open_handle(path: Path, flags: int) -> int:
 def document_bytes(file: BinaryIO) -> bytes:
     """Return the bytes of an open file that holds a document; OSError where it is larger than any, or unreadable."""
     if os.fstat(file.fileno()).st_size > LARGEST_DOCUMENT:
-        raise OSError(EFBIG, f"this file is larger than {LARGEST_DOCUMENT >> 20} MB")
+        raise OSError(EOVERFLOW, f"this file is larger than {LARGEST_DOCUMENT >> 20} MB")
     return file.read()
 
 

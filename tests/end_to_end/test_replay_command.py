@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from run_copies import begun_anew
 from run_samples import as_recorded, flip, records_of
 
 from station.cli import errors
@@ -53,8 +54,7 @@ def conclude_anew(stored: Path, result: dict[str, Any]) -> None:
     manifest = json.loads((stored / "run.json").read_text(encoding="utf-8"))
     del manifest["files"]
     run.write_json("run.json", manifest)
-    (stored.parent / CHAIN).unlink()
-    seal(run, verdict=result["verdict"])
+    seal(begun_anew(run), verdict=result["verdict"])
 
 
 def test_stored_run_replays_identically_and_a_cut_one_up_to_the_cut(lostmotion, stored):

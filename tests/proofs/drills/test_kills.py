@@ -50,8 +50,7 @@ def test_a_run_whose_supervisor_was_killed_and_whose_folder_was_moved_says_who_s
     os.kill(run.process.pid, signal.SIGKILL)
     run.process.communicate()
     moved = tmp_path / "moved" / folder.name
-    moved.parent.mkdir()
-    folder.rename(moved)
+    folder.parent.rename(moved.parent)
     wait_for(lambda: not process_birth(scan), "end of the scan process")
     assert here("show", "M", "--data", str(moved.parent), "--json").json["state"] == "not concluded"
     assert here("conclude", "M", "--data", str(moved.parent)).exit_code == 0

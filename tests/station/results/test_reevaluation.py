@@ -10,7 +10,7 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 from lostmotion_command import ROOT, here
-from run_copies import alone
+from run_copies import alone, begun_anew
 
 from recipes import RecipeError, Selection, load_recipe
 from station.atomic_file import as_json
@@ -158,7 +158,7 @@ def test_a_verdict_that_the_record_does_not_bear_out_decides_nothing(failed: Run
     for metric in result["metrics"]:
         metric["verdict"] = metric["verdict"] and "PASS"
     failed.write_json("result.json", result | {"verdict": "PASS"})
-    failed = alone(failed)
+    failed = begun_anew(alone(failed))
     seal(failed, verdict="PASS")
     found = reevaluate(failed, None, None)
     assert (found.verdict, found.original_verdict) == ("NOT DECIDABLE", "PASS")
@@ -169,7 +169,7 @@ def test_a_verdict_that_the_record_does_not_bear_out_decides_nothing(failed: Run
 def test_a_run_without_an_end_is_told_in_a_sentence(failed: RunRecord, state: str, code: int) -> None:
     manifest = {key: value for key, value in failed.read_json("run.json").items() if key != "files"}
     failed.write_json("run.json", manifest)
-    failed = alone(failed)
+    failed = begun_anew(alone(failed))
     failed.write_bytes(
         "result.json",
         as_json(failed.read_json("result.json") | {"state": state, "verdict": "NOT DECIDABLE", "metrics": []}),

@@ -162,6 +162,7 @@ def test_hours_and_retests_are_those_of_a_store_that_is_made_anew(plant: Path) -
     """Runs that go, come again and change leave the counts as if they had come in one go."""
     database, chain = opened(plant), Chain(plant)
     before = all_rows(database, chain)
+    up_to = {"projections": before["projections"]}  # it goes with what is taken out: the next look puts in all again
     with database.reading() as connection:
         runs = connection.execute(select(RUNS.c.run).where(RUNS.c.chain == chain.id)).scalars().all()
         again = connection.execute(select(RUNS.c.run).where(RUNS.c.chain == chain.id, RUNS.c.again)).scalars().all()
@@ -174,7 +175,7 @@ def test_hours_and_retests_are_those_of_a_store_that_is_made_anew(plant: Path) -
         dice.shuffle(some)
         for one in some:
             put_runs(database, chain, [one])
-        assert all_rows(database, chain) == before
+        assert all_rows(database, chain) | up_to == before
     rebuild(database, chain)
     assert all_rows(database, chain) == before
     database.close()

@@ -144,7 +144,7 @@ def refuse_second_seal(record: RunRecord, manifest: Manifest, chain: Chain) -> N
         known = not chain.there or (chain.before is not None and run in chain.before.unconcluded)
     else:
         created = beginning_of(chain, run)
-        known = created is not None and is_named_by(manifest, chain, created)
+        known = created is not None and created.key in trusted and is_named_by(manifest, chain, created)
     if not known:
         raise RecordError(
             f"{place}: {chain.data / CHAIN} has no entry that begins this run. Put the folder back into the data "

@@ -24,7 +24,7 @@ from station.documents.manifest import Manifest
 from station.documents.reading import document_in
 from station.errors import RecordError
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
-from station.records.chain.entries import FIELDS, entry_of, signed_entry
+from station.records.chain.entries import CREATED, FIELDS, entry_of, signed_entry
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, own_key
 from station.records.chain.problems import PROBLEMS
 from station.records.data_folder import Store
@@ -217,6 +217,24 @@ def test_a_run_is_sealed_once_and_where_it_was_begun(data: Path) -> None:
     assert (data / CHAIN).read_bytes() == chain
     assert here("conclude", run.id, "--data", str(data)).exit_code != 0
     assert row(store_run(data, "D", [metric(0.4)])).verdict == "PASS"
+
+
+def test_a_run_that_a_strange_key_began_is_not_sealed(data: Path) -> None:
+    copy = data / "20300101T000000.000Z-A"
+    shutil.copytree(folder(data, 2), copy)
+    run, end = RunRecord(copy), entry_of(lines(data)[-1][:-1])
+    assert end is not None
+    manifest = run.read_json("run.json") | {"id": run.id}
+    parts = {"recipe": manifest["recipe"]["sha256"], "bench": manifest["bench"]["sha256"]}
+    begun = signed_entry(
+        CREATED, end.counter + 1, end.sha256, "then", a_key(), run=run.id, serial="A", attempt=9, **parts
+    )
+    write(data, [*lines(data), begun.line + b"\n"])
+    place = {"id": Chain(data).id, "counter": begun.counter, "previous": end.sha256}
+    run.write_json("run.json", manifest | {"chain": place})
+    with pytest.raises(RecordError, match="no entry that begins this run"):
+        seal(run)
+    assert lines(data)[-1] == begun.line + b"\n"
 
 
 @pytest.mark.parametrize("put", ["further up", "of another folder"])

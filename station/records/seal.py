@@ -68,6 +68,9 @@ EXIT_ALTERED = 3
 
 WORST_FIRST = ("FAIL", "NOT DECIDABLE", "PASS")
 CHUNK_BYTES = 1 << 20
+NOT_READ, NO_RESULT = "is missing or cannot be read", "is not a result"
+"""How an alteration ends where a file, or a part of it, could not be read: at the next look it may be."""
+
 RESTORE = "Restore the run's folder from a backup"
 
 
@@ -284,7 +287,7 @@ def _difference(record: RunRecord, name: str, kept: Checksum | None, *, samples:
         by_size = other_size or (name in (SAMPLES, PACKED) and not samples)
         now = Checksum(sha256=kept.sha256, bytes=found.st_size) if by_size else fingerprint(path)
     except (OSError, RecordError):
-        return f"{name}: is missing or cannot be read"
+        return f"{name}: {NOT_READ}"
     if now.bytes != kept.bytes:
         return f"{name}: was changed after the run was concluded: {now.bytes} bytes instead of {kept.bytes}"
     if now.sha256 != kept.sha256:
@@ -379,7 +382,7 @@ def _contradictions(record: RunRecord, manifest: Manifest, files: Mapping[str, C
     try:
         result = record.read(Decided, RESULT)
     except RecordError:
-        return [*found, f"{RESULT}: is not a result"]
+        return [*found, f"{RESULT}: {NO_RESULT}"]
     pairs = (
         ("run", result.run, manifest.id),
         ("serial", result.serial, manifest.serial),

@@ -22,7 +22,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.head import chain_seen_in
 from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
-from station.records.seal import alterations, is_sealed, names_to_seal
+from station.records.seal import NO_RESULT, NOT_READ, alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
 from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, hour_of, hours_of
@@ -36,9 +36,6 @@ MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
 
 LONGEST_CAUSE = 200
-
-UNREAD = (": is missing or cannot be read", f"{RESULT}: is not a result")
-"""How `alterations` ends where a file, or a part of it, could not be read: at the next look it may be."""
 
 REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
 """How a database, or what speaks to it, refuses a value: one too large, a text that it cannot write, a row twice."""
@@ -84,7 +81,7 @@ def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Ro
     except RecordError as error:
         unread = isinstance(error.__cause__, OSError)
         return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}"), unread
-    return found, any(text.endswith(UNREAD) for text in altered)
+    return found, any(text.endswith((NOT_READ, NO_RESULT)) for text in altered)
 
 
 def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:

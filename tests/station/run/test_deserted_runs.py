@@ -197,7 +197,8 @@ def test_by_a_file_that_was_altered_before_the_conclusion_nothing_is_judged_or_t
         record.write_json("run.json", said)
     ran = here("conclude", record.id, "--data", str(record.folder.parent), "--json")
     (row,) = ran.json["runs"]
-    assert (row["outcome"], row["verdict"]) == ("concluded", None)
+    assert (ran.exit_code, row["outcome"], row["verdict"]) == (3, "concluded", None)
+    assert here("show", record.id, "--data", str(record.folder.parent)).exit_code == 3, "one exit code for one thing"
     assert row["error"]
     assert "PASS" not in here("conclude", record.id, "--data", str(record.folder.parent)).out
     result = record.read_json("result.json")

@@ -131,6 +131,20 @@ def test_a_line_beyond_all_bounds_is_named_and_stops_no_command(data: Path, name
     assert kinds(data) == set()
 
 
+def test_lines_before_the_first_entry_are_named_and_leave_every_run_its_verdict(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    junk, key = [b"junk\n"] * 3, own_key().public
+    write(data, [*junk, *lines(data)])
+    assert kinds(data) == set(), "power failures tear as many"
+    write(data, [*junk, *lines(data)])
+    another_computer(monkeypatch, tmp_path)
+    trust(key)
+    assert kinds(data) == {"no_start"}
+    assert [row(run).verdict for run in Store(data).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
+    assert "PROBLEM" in here("list", "--data", str(data)).out
+
+
 def test_forged_lines_within_a_run_leave_it_its_verdict(data: Path) -> None:
     whole = lines(data)
     write(data, [*whole[:2], unsigned(data), foreign(data, counter=NEAR), *whole[2:]])

@@ -6,6 +6,7 @@ number are attempts 1, 2, 3 ...; the numbers come from the folder's chain, which
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -22,6 +23,7 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
+from station.records.begun_by import begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
@@ -193,6 +195,7 @@ class Store:
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
                 parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256, "clock_right": clock_right}
+                parts |= begun_with({name: hashlib.sha256(content).hexdigest() for name, content in files.items()})
                 chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings

@@ -148,7 +148,7 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: read_file(path)
+        path: read_file(path, None)
         for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
         if is_there(path) is not False
     }
@@ -158,7 +158,7 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
         for path in paths:
             name = path.relative_to(data).as_posix()
             if path not in chains:
-                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else read_file(path)))
+                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else read_file(path, None)))
                 told(len(rows))
         listed = FileList(format=FORMAT, made=made, files=tuple(rows))
         content = json.dumps(plain(listed), ensure_ascii=False).encode()

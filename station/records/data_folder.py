@@ -14,6 +14,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from itertools import islice
+from operator import itemgetter
 from pathlib import Path
 
 from definitions.number_formats import LARGEST_COUNT
@@ -23,13 +24,14 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import begun_with
+from station.records.begun_by import beginning_of, begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
+from station.records.folder_check import runs_before
 from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
@@ -132,6 +134,18 @@ def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
     except (OSError, RecordError):
         shutil.rmtree(record.folder, ignore_errors=True)
         raise
+
+
+def _attempt_of(manifest: Manifest, run: str, chain: Chain) -> int:
+    """Return the number of a run among the attempts of its unit; 0 for one that was not begun here.
+
+    Where the list of runs that are older than the chain was changed, any run may be one of them that says so.
+    """
+    created = beginning_of(chain, run)
+    if created is not None:
+        return int(created.fields["attempt"])
+    before, changed = runs_before(chain)
+    return manifest.attempt if run in before or (changed and manifest.chain is None) else 0
 
 
 class Store:
@@ -266,7 +280,8 @@ class Store:
     def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
 
-        A damaged run that the chain does not know counts, for it may have been one of this serial number.
+        A damaged run that the chain does not know counts, for it may have been one of this serial number. The number
+        in a run.json counts only of a run from before the chain: any other has its number from the chain.
         """
         highest, damaged, where = last_attempt(self.data, serial), 0, chain.path
         for record in self._named_by(serial, names):
@@ -276,7 +291,8 @@ class Store:
                 damaged += not chain.entries_of(record.id)
                 continue
             if manifest.serial == serial and manifest.attempt > highest:
-                highest, where = manifest.attempt, record.folder / MANIFEST
+                said = _attempt_of(manifest, record.id, chain)
+                highest, where = max((highest, where), (said, record.folder / MANIFEST), key=itemgetter(0))
         attempt = 1 + highest + damaged
         if attempt > LARGEST_COUNT:
             raise RecordError(

@@ -277,6 +277,18 @@ class Store:
         runs = (RunRecord(self.data / name) for name in names if name.endswith(end))
         return [run for run in runs if is_run(run.folder)]
 
+    def other_case_of(self, serial: str) -> str:
+        """Return the newest serial number here that differs from this one by case only; '' where none does.
+
+        By the names of the folders, so of letters without accents.
+        """
+        own = f"Z-{_folder_name(serial)}"
+        end = own.lower()
+        alike = (one for one in reversed(self._names()) if one[-len(end) :].lower() == end and not one.endswith(own))
+        newest = next(alike, None)
+        found = None if newest is None else RunRecord(self.data / newest).serial()
+        return found if found is not None and found.casefold() == serial.casefold() else ""
+
     def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
 

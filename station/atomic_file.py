@@ -36,6 +36,9 @@ CANNOT_LINK = (EPERM, EOPNOTSUPP, ENOSYS, EMLINK)
 LARGEST_DOCUMENT = 256 << 20
 """Bytes of a document that are read: beyond any that this program writes, and no computer runs out of memory by it."""
 
+LARGEST_SMALL_FILE = 1 << 20
+"""Bytes that are read of a file that is small by nature: a key, a list of keys, the head of a chain."""
+
 _LET_IN = "Give this user write permission"
 _LET_READ = "Give this user read permission for this file and its folders"
 _PUT_BACK = "Restore the missing folder of this path"
@@ -84,18 +87,21 @@ def open_handle(path: Path, flags: int) -> int:
     return handle
 
 
-def document_bytes(file: BinaryIO) -> bytes:
-    """Return the bytes of an open file that holds a document; OSError where it is larger than any, or unreadable."""
-    if os.fstat(file.fileno()).st_size > LARGEST_DOCUMENT:
-        raise OSError(EOVERFLOW, f"this file is larger than {LARGEST_DOCUMENT >> 20} MB")
+def document_bytes(file: BinaryIO, most: int = LARGEST_DOCUMENT) -> bytes:
+    """Return the bytes of an open file that holds a document; OSError where it is larger than `most`, or unreadable."""
+    if os.fstat(file.fileno()).st_size > most:
+        raise OSError(EOVERFLOW, f"this file is larger than {most >> 20} MB")
     return file.read()
 
 
-def read_file(path: Path) -> bytes:
-    """Return the bytes of a file; RecordError where it cannot be read, or something else is in its place."""
+def read_file(path: Path, most: int | None = LARGEST_DOCUMENT) -> bytes:
+    """Return the bytes of a file; RecordError where it cannot be read, or something else is in its place.
+
+    most: bytes of the largest that is read; None for one that is copied whole, however large.
+    """
     try:
         with open_file(path) as file:
-            return file.read()
+            return file.read() if most is None else document_bytes(file, most)
     except OSError as error:
         raise refused(path, error, "read") from error
 

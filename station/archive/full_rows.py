@@ -106,7 +106,7 @@ def rows_of_run(run: RunRecord) -> pa.Table:
     manifest = run.manifest()
     content: dict[str, bytes] = {}
     for name in files_of(run):
-        content[name] = read_file(run.folder / name)
+        content[name] = read_file(run.folder / name, None)
     said = _said(manifest)
     rows = [
         said

@@ -196,7 +196,15 @@ class Job:
     @cached_property
     def profile_paths(self) -> dict[str, Path]:
         """Files of the device profiles; RecipeError with every one that is not there."""
-        return {name: find_profile(name, self.bench_source.path) for name in self.profile_names}
+        paths, problems = dict[str, Path](), list[Problem]()
+        for name in self.profile_names:
+            try:
+                paths[name] = find_profile(name, self.bench_source.path)
+            except RecipeError as error:
+                problems += error.problems
+        if problems:
+            raise RecipeError(problems)
+        return paths
 
     @cached_property
     def profile_sources(self) -> dict[str, Source]:

@@ -82,7 +82,7 @@ def whole_lines(kind: type[Document], path: Path) -> Iterator[Document]:
     """
     try:
         with open_file(path) as file:
-            content = file.read()
+            content = document_bytes(file)
     except FileNotFoundError:
         return
     except OSError as error:

@@ -18,7 +18,7 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import rsa
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from station.atomic_file import write_atomic
+from station.atomic_file import LARGEST_SMALL_FILE, document_bytes, open_file, write_atomic
 from station.errors import StationError
 from station.opcua.settings import FILE, OpcUaSettings
 from station.wall_clock import WALL_CLOCK
@@ -143,7 +143,8 @@ def checked_certificate(data: Path, settings: OpcUaSettings) -> tuple[x509.Certi
 
 def _check_key(file: Path, certificate: x509.Certificate) -> None:
     try:
-        key = serialization.load_pem_private_key(file.read_bytes(), None)
+        with open_file(file) as opened:
+            key = serialization.load_pem_private_key(document_bytes(opened, LARGEST_SMALL_FILE), None)
         mode = file.stat().st_mode
     except OSError as error:
         raise StationError(f"{file}: this private key cannot be read: {error.strerror}. {NEXT}") from error

@@ -29,6 +29,7 @@ from station.documents.reading import document_in
 from station.documents.signs import in_signs
 from station.errors import RecordError, StationError
 from station.records.chain.chain_file import CHAIN
+from station.records.chain.entries import CREATED, entry_of
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
 from station.there import is_file, is_there
@@ -52,11 +53,16 @@ NEWEST_LOOKED_AT = 5
 
 @dataclass(frozen=True)
 class Kept:
-    """What a backup holds: number of files, their bytes, and when it was made."""
+    """What a backup holds: number of files, their bytes, and when it was made.
+
+    reaches: the newest run that the chain in it begins, '' where it begins none; a run that was begun later is not in
+    it.
+    """
 
     files: int
     bytes: int
     made: str
+    reaches: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -148,7 +154,7 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: read_file(path)
+        path: read_file(path, None)
         for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
         if is_there(path) is not False
     }
@@ -158,12 +164,19 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
         for path in paths:
             name = path.relative_to(data).as_posix()
             if path not in chains:
-                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else read_file(path)))
+                rows.append(_add(archive, data, path, _database(path) if name in DATABASES else read_file(path, None)))
                 told(len(rows))
         listed = FileList(format=FORMAT, made=made, files=tuple(rows))
         content = json.dumps(plain(listed), ensure_ascii=False).encode()
         _put(archive, LIST, content)
-    return Kept(len(rows), sum(row.bytes for row in rows), made)
+    return Kept(len(rows), sum(row.bytes for row in rows), made, _newest_in(chains.get(data / CHAIN, b"")))
+
+
+def _newest_in(content: bytes) -> str:
+    """Return the run that the bytes of a chain begin last."""
+    entries = (entry_of(line) for line in reversed(content.split(b"\n")[:-1]))
+    begun = (one for one in entries if one is not None and one.kind == CREATED and one.signed)
+    return next((str(one.fields["run"]) for one in begun), "")
 
 
 def _unread(error: OSError) -> None:
@@ -276,7 +289,8 @@ def backed_up(file: Path) -> dict[str, str]:
 
 def _read(file: Path, into: Path) -> Kept:
     found, made = _looked_through(file, into)
-    return Kept(len(found), sum(size for size, _ in found.values()), made)
+    chain = read_file(into / CHAIN, None) if CHAIN in found else b""
+    return Kept(len(found), sum(size for size, _ in found.values()), made, _newest_in(chain))
 
 
 def _looked_through(file: Path, into: Path | None) -> tuple[dict[str, tuple[int, str]], str]:

@@ -1,15 +1,22 @@
-"""By which recipe and bench a run was begun: their SHA-256 in run.json, and in the signed line that begins the run.
+"""By what a run was begun: hashes of recipe and bench in run.json, and in the signed line that begins the run.
+
+That line has those of program and device profiles too: the conclusion takes from the program which scan belongs to
+which loop, and who reads a record takes from the profiles what its devices were told.
 
 Until a run is concluded anybody can change its files, and run.json with them; the line in the chain stays as it is.
 """
 
 from __future__ import annotations
 
+import hashlib
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from station.documents.manifest import MANIFEST, ChainPlace, Manifest
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import CREATED, Entry
+from station.records.program_file import PROGRAM
+from station.records.run_record import PROFILES
 
 
 class BegunBy(NamedTuple):
@@ -44,6 +51,33 @@ def unlike_its_line(manifest: Manifest, created: Entry) -> list[str]:
         f"{MANIFEST}: names another {part} than the entry of {CHAIN} that begins this run"
         for part, own in zip(BegunBy._fields, _said(manifest), strict=True)
         if own != created.fields[part]
+    ]
+
+
+def is_begun_with(name: str) -> bool:
+    """Whether a file of a run is its program, or one of its profiles."""
+    return name == PROGRAM or name.startswith(f"{PROFILES}/")
+
+
+def begun_with(files: Mapping[str, str]) -> dict[str, str]:
+    """Return what the line that begins a run says of its program and profiles; files: SHA-256 of the run's, by name.
+
+    Of what is not there it says nothing.
+    """
+    profiles = sorted(
+        f"{sha256}  {name}\n" for name, sha256 in files.items() if is_begun_with(name) and name != PROGRAM
+    )
+    said = {"program": files.get(PROGRAM, "")}
+    return said | {"profiles": hashlib.sha256("".join(profiles).encode()).hexdigest() if profiles else ""}
+
+
+def not_begun_with(created: Entry, files: Mapping[str, str]) -> list[str]:
+    """Return which of program and profiles is not the one of the line that begins the run, as `<file>: <how>`."""
+    places = {"program": PROGRAM, "profiles": PROFILES}
+    return [
+        f"{places[part]}: differs from what the run was begun with, by the entry of {CHAIN} that begins it"
+        for part, found in begun_with(files).items()
+        if created.fields.get(part, found) != found
     ]
 
 

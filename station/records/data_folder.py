@@ -6,6 +6,7 @@ number are attempts 1, 2, 3 ...; the numbers come from the folder's chain, which
 
 from __future__ import annotations
 
+import hashlib
 import os
 import re
 import shutil
@@ -13,6 +14,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime, timedelta
 from itertools import islice
+from operator import itemgetter
 from pathlib import Path
 
 from definitions.number_formats import LARGEST_COUNT
@@ -22,12 +24,14 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
+from station.records.begun_by import beginning_of, begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
+from station.records.folder_check import runs_before
 from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
@@ -132,6 +136,18 @@ def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
         raise
 
 
+def _attempt_of(manifest: Manifest, run: str, chain: Chain) -> int:
+    """Return the number of a run among the attempts of its unit; 0 for one that was not begun here.
+
+    Where the list of runs that are older than the chain was changed, any run may be one of them that says so.
+    """
+    created = beginning_of(chain, run)
+    if created is not None:
+        return int(created.fields["attempt"])
+    before, changed = runs_before(chain)
+    return manifest.attempt if run in before or (changed and manifest.chain is None) else 0
+
+
 class Store:
     """All runs below one folder."""
 
@@ -193,6 +209,7 @@ class Store:
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
                 parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256, "clock_right": clock_right}
+                parts |= begun_with({name: hashlib.sha256(content).hexdigest() for name, content in files.items()})
                 chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings
@@ -260,10 +277,23 @@ class Store:
         runs = (RunRecord(self.data / name) for name in names if name.endswith(end))
         return [run for run in runs if is_run(run.folder)]
 
+    def other_case_of(self, serial: str) -> str:
+        """Return the newest serial number here that differs from this one by case only; '' where none does.
+
+        By the names of the folders, so of letters without accents.
+        """
+        own = f"Z-{_folder_name(serial)}"
+        end = own.lower()
+        alike = (one for one in reversed(self._names()) if one[-len(end) :].lower() == end and not one.endswith(own))
+        newest = next(alike, None)
+        found = None if newest is None else RunRecord(self.data / newest).serial()
+        return found if found is not None and found.casefold() == serial.casefold() else ""
+
     def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
 
-        A damaged run that the chain does not know counts, for it may have been one of this serial number.
+        A damaged run that the chain does not know counts, for it may have been one of this serial number. The number
+        in a run.json counts only of a run from before the chain: any other has its number from the chain.
         """
         highest, damaged, where = last_attempt(self.data, serial), 0, chain.path
         for record in self._named_by(serial, names):
@@ -273,7 +303,8 @@ class Store:
                 damaged += not chain.entries_of(record.id)
                 continue
             if manifest.serial == serial and manifest.attempt > highest:
-                highest, where = manifest.attempt, record.folder / MANIFEST
+                said = _attempt_of(manifest, record.id, chain)
+                highest, where = max((highest, where), (said, record.folder / MANIFEST), key=itemgetter(0))
         attempt = 1 + highest + damaged
         if attempt > LARGEST_COUNT:
             raise RecordError(

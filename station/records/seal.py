@@ -19,7 +19,7 @@ from station.documents.manifest import Checksum, Manifest, PackedSamples
 from station.documents.reading import document_in
 from station.documents.result import Decided
 from station.errors import RecordError
-from station.records.begun_by import BegunBy, beginning_of, is_named_by, not_begun_by, unlike_its_line
+from station.records.begun_by import BegunBy, beginning_of, is_named_by, not_begun_by, not_begun_with, unlike_its_line
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import SEALED as SEALED_ENTRY
 from station.records.chain.entries import Entry
@@ -333,7 +333,8 @@ def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry
         return [f"{MANIFEST}: does not name the entry of {CHAIN} that begins this run"]
     if not whole_between(chain, created, sealed):
         return [f"{CHAIN}: entries between the beginning and the end of this run were removed or changed"]
-    return unlike_its_line(manifest, created)
+    kept = {name: one.sha256 for name, one in (manifest.files or {}).items()}
+    return unlike_its_line(manifest, created) + not_begun_with(created, kept)
 
 
 def _against_entries(record: RunRecord, manifest: Manifest, entries: list[Entry], trusted: frozenset[str]) -> list[str]:

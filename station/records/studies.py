@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from station.atomic_file import append_line, open_file, refused, sync_folder
+from station.atomic_file import append_line, document_bytes, open_file, refused, sync_folder
 from station.documents.entries import plain
 from station.documents.manifest import StudyPlace
 from station.documents.reading import of_plain
@@ -175,7 +175,7 @@ def _entries(path: Path) -> list[Entry]:
     """Return the whole lines of a file; a torn one is none."""
     try:
         with open_file(path) as file:
-            content = file.read()
+            content = document_bytes(file)
     except FileNotFoundError:
         return []
     except OSError as error:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from station.atomic_file import as_json
 from station.bench.request import Job, Source
 from station.bench.virtual_unit import NOT_NAMED, VirtualUnit
 from station.documents.manifest import BenchSource, RecipeSource, Setup, StudyPlace, Unit
@@ -89,6 +90,7 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     )
     files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
+    files[PROGRAM] = as_json(plain_program(job.program))
     files |= {} if scenario is None else {"scenario.yaml": scenario.content}
     store = Store(data)
     if master is None:
@@ -98,5 +100,4 @@ def new_record(data: Path, job: Job, wanted: Wanted, *, notes: list[str]) -> Run
     record = store.create(wanted.serial, setup, files, own=True, clock_right=wanted.clock_right)
     if store.warnings:
         record.update(notes=[*setup.notes, *store.warnings])
-    record.write_json(PROGRAM, plain_program(job.program))
     return record

@@ -17,7 +17,7 @@ from controller.held_lock import Left
 from definitions.plain_data import InexactError, exact, plain
 from definitions.program import Program
 from drivers.config import WireBenchConfig
-from station.atomic_file import open_file
+from station.atomic_file import document_bytes, open_file
 from station.errors import StationError
 
 SpecT = TypeVar("SpecT")
@@ -133,6 +133,6 @@ def _exact(kind: type[SpecT], path: Path, sha256: str, *, unlimited: bool = Fals
 def _content(path: Path) -> bytes:
     try:
         with open_file(path) as file:
-            return file.read()
+            return document_bytes(file)
     except OSError as error:
         raise SpecError(f"file {path} cannot be read: {error.strerror or error}. {NEXT_STEP}") from error

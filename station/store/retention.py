@@ -175,6 +175,8 @@ def _newest(manifests: Mapping[str, Manifest]) -> set[str]:
 def _why_not(run: RunRecord, manifest: Manifest, newest: set[str]) -> str:
     if not is_sealed(manifest):
         return "the run is not concluded"
+    if run.folder.is_symlink():
+        return "its folder is a link. Put the folder in the place of the link"
     if run.id in newest:
         return "this is the newest run of its bench or of its serial number"
     altered = alterations(run)

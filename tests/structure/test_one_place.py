@@ -68,7 +68,6 @@ ROOMS = ("archive", "bench", "cli/runs", "opcua", "records", "reevaluation", "re
 ROOMS_OF_RECORDS = tuple(f"station/{room}/" for room in ROOMS)
 NO_RECORD = {
     "station/bench/eds_profile.py",  # a file that a person names, of a drive
-    "station/opcua/certificates.py",
     "station/records/process_birth.py",  # of the kernel
     "station/results/export_origin.py",  # a file that a person names
     "station/run/children.py",  # what a process of this one has just written

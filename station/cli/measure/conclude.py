@@ -12,7 +12,7 @@ from station.documents.entries import plain
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RECORDING, RunRecord
-from station.records.seal import alterations, is_sealed
+from station.records.seal import EXIT_ALTERED, alterations, is_sealed
 from station.run.way_back.left_behind import collect
 from station.run.way_back.recover import recover, to_be_concluded
 
@@ -28,6 +28,8 @@ NOT_DONE = (STILL_RUNNING, OWNED, FAILED)
 
 def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool) -> int:
     """Conclude one run, or with `all_runs` every one whose supervisor died; 0 when none is left to conclude, else 1.
+
+    3 where none is left and a record of them was altered.
 
     Raises:
         StationError: there is no such run, or neither one nor all were asked for.
@@ -45,7 +47,9 @@ def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool
         lines = [_line(row) for row in rows] or ["every run is concluded"]
         lines += [f"{path}: removed, no run needs it any more" for path in collected]
         sys.stdout.write("\n".join(lines) + "\n")
-    return 1 if any(row.outcome in NOT_DONE for row in rows) else 0
+    if any(row.outcome in NOT_DONE for row in rows):
+        return 1
+    return EXIT_ALTERED if any(row.outcome == CONCLUDED and row.error for row in rows) else 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from definitions.units import SPEED
 from recipes.text.quantity import show
+from station.atomic_file import as_json
 from station.bench.request import load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.cli.measure.run import EXIT_BENCH
@@ -93,9 +94,8 @@ def _create(data: Path, job: JogJob, unit: VirtualUnit | None, operator: str | N
     )  # fmt: skip
     files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
-    record = jogs(data).create(SERIAL, setup, files, own=True)
-    record.write_json(PROGRAM, plain_program(job.program))
-    return record
+    files[PROGRAM] = as_json(plain_program(job.program))
+    return jogs(data).create(SERIAL, setup, files, own=True)
 
 
 def _say(line: str) -> None:

@@ -18,6 +18,7 @@ from pathlib import Path
 
 from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from recipes import find_bench, load_bench
+from station.atomic_file import as_json
 from station.bench.request import Job, load_job, stored_job
 from station.cli.measure.run import EXIT_BENCH
 from station.documents.entries import left_out, plain
@@ -215,9 +216,8 @@ def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | 
     )
     files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}
-    record = recoveries(data).create(of.serial, setup, files, own=True)
-    record.write_json(PROGRAM, plain_program(job.program))
-    return record
+    files[PROGRAM] = as_json(plain_program(job.program))
+    return recoveries(data).create(of.serial, setup, files, own=True)
 
 
 class _Said:

@@ -115,7 +115,7 @@ def run(options: Options, ahead: Mapping[str, Ahead] | None = None) -> int:
     study = None if options.study is None else _study_step(options, serial, scenario, job)
     behind = clock_behind(options.data)
     notes = [*(check_note(one) for one in options.notes), *_clock_notes(behind, options.clock_is_right, job)]
-    notes += recipe_notes(options.data, job)
+    notes += _serial_notes(options.data, serial) + recipe_notes(options.data, job)
     notes += [] if study is None else [f"{study}: not production"]
     reason, clock_right = _reason(options, serial, study), options.clock_is_right if behind is not None else None
     wanted = Wanted(serial, unit, scenario, options.operator, pacing.clock, reason, study, clock_right or "")
@@ -167,6 +167,15 @@ def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None,
     if shown is None and not as_json:
         sys.stdout.write(f"report  lostmotion report {record.folder}\n")
     return exit_code(result)
+
+
+def _serial_notes(data: Path, serial: str) -> list[str]:
+    other = Store(data).other_case_of(serial)
+    return (
+        [f"unit {other} is known here, and this is unit {serial}: compare the label. They differ by case only"]
+        if other
+        else []
+    )
 
 
 def _clock_notes(behind: ClockBehind | None, right: str | None, job: Job) -> list[str]:

@@ -41,11 +41,14 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
     others = {one.name: verify_folder(one) for one in below(data)}
     problems = [*found.problems, *(problem for one in others.values() for problem in one.problems)]
     head = _audit_head(data)
+    begun = list(found.walk.created)
+    newer = len(begun) - begun.index(kept.reaches) - 1 if kept.reaches in begun else len(begun)
     if as_json:
         document = plain(kept) | {
             "file": str(file),
             "data": str(data),
             "runs": found.runs,
+            "newer_runs": newer,
             **{name: one.runs for name, one in others.items()},
             "chain_entries": found.walk.entries,
             "audit": None if head is None else {"lines": head.lines, "sha256": head.head_sha256},
@@ -61,6 +64,12 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
                     *(f"{one.runs} {name}" for name, one in others.items()),
                     f"{counted(found.walk.entries, 'entry', 'entries')} of the chain",
                 ]
+            ),
+            *([f"reaches run {kept.reaches} of the chain"] if kept.reaches else []),
+            *(
+                [f"{counted(newer, 'run')} of {data} began later, not in this file. Make another backup"]
+                if newer
+                else []
             ),
             *([] if head is None else [f"audit trail: {head.lines} lines, head {head.head_sha256}"]),
             "every file has its recorded hash; 'verify' " + ("passed" if not problems else "finds problems:"),

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
@@ -28,6 +28,9 @@ CREATED_MANIFEST = ".run.json.created"
 
 TAIL_BYTES = 1 << 16
 FIRST_LINES = 4
+"""Among them stands the first entry, where only power failures have torn lines before it (`walk` names more)."""
+
+START_BEGINS = b'{"kind":"start",'
 REMOVED_BEGINS = b'{"kind":"removed",'
 RUN_BEGINS, RUN_ENDS = b',"run":', b',"serial":'
 """What stands in a line around its run. No text in a line can hold it: there, quotes are escaped."""
@@ -47,6 +50,7 @@ class Chain:
         self._content: bytes | None = None
         self._seen = ""
         self._start: Entry | None = None
+        self._without_start = ""
         self._lines: dict[bytes, list[bytes]] | None = None
         self._entries: dict[str, list[Entry]] = {}
 
@@ -90,11 +94,15 @@ class Chain:
 
     @property
     def start(self) -> Entry | None:
-        """The first entry; None where the file has none, or one that nobody has signed."""
+        """The first entry, however many lines of another hand are before it; None where none is there that is signed.
+
+        Anybody can write lines there: no run loses its verdict by them.
+        """
         if self._start is None:
-            entries = (entry_of(line) for line in self._first_lines())
-            starts = (entry for entry in entries if entry is not None and entry.kind == START)
-            self._start = next((entry for entry in starts if entry.signed), None)
+            self._start = _start_in(self._first_lines())
+        if self._start is None and self._without_start != (seen := self.seen_now()):
+            self._start = _start_in(lines_with(self.path, START_BEGINS))
+            self._without_start = seen  # who looks at many runs does not look through the whole file for each
         return self._start
 
     @property
@@ -116,7 +124,7 @@ class Chain:
         return BeforeChain(bytes=said["bytes"], sha256=said["sha256"], unconcluded=tuple(said["unconcluded"]))
 
     def _first_lines(self) -> list[bytes]:
-        """Return where the start may stand: behind lines that a power failure has torn, in the first line else."""
+        """Return where the start usually stands: behind lines that a power failure has torn, in the first line else."""
         try:
             with open_file(self.path) as file:
                 return [file.readline().rstrip(b"\n") for _ in range(FIRST_LINES)]
@@ -162,6 +170,11 @@ class Chain:
         whole = 0 if content is None else content.rfind(b"\n") + 1
         lines = lines_with(self.path, token) if content is None else lines_in(content, token, whole)
         return (entry for line in lines if (entry := entry_of(line)) is not None)
+
+
+def _start_in(lines: Iterable[bytes]) -> Entry | None:
+    entries = (entry_of(line) for line in lines)
+    return next((one for one in entries if one is not None and one.kind == START and one.signed), None)
 
 
 def put_created_in_place(folder: Path) -> None:

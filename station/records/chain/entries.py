@@ -58,9 +58,10 @@ FIELDS: dict[str, tuple[str, ...]] = {
 }
 """What an entry of each kind has, beside what every entry has."""
 
-LEFT_OUT: dict[str, tuple[str, ...]] = {CREATED: ("clock_right",)}
+LEFT_OUT: dict[str, tuple[str, ...]] = {CREATED: ("program", "profiles", "clock_right")}
 """What an entry of a kind has where there is something to say.
 
+program, profiles: hashes of the run's program and of its device profiles. Older lines do not have them.
 clock_right: why the clock is right, though entries before this one are later. Of them none counts as later behind it.
 """
 
@@ -75,6 +76,8 @@ _TEXTS = (
     "serial",
     "recipe",
     "bench",
+    "program",
+    "profiles",
     "sha256",
     "state",
     "name",

@@ -15,7 +15,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from definitions.number_formats import LARGEST_COUNT
-from station.atomic_file import read_file, write_atomic
+from station.atomic_file import LARGEST_SMALL_FILE, read_file, write_atomic
 from station.documents.entries import Plain
 from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
@@ -98,7 +98,7 @@ def _path_name(data: Path) -> str:
 
 def _read(path: Path) -> Plain | None:
     try:
-        found = json.loads(read_file(path))
+        found = json.loads(read_file(path, LARGEST_SMALL_FILE))
     except (RecordError, ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None

@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from station.atomic_file import open_file, refused, sync_folder
+from station.atomic_file import LARGEST_SMALL_FILE, document_bytes, open_file, refused, sync_folder
 from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
 
@@ -79,11 +79,11 @@ def own_public_key() -> str | None:
 
 
 def _read(path: Path) -> BenchKey:
-    with path.open("rb") as file:
+    with open_file(path) as file:
         rights = os.fstat(file.fileno()).st_mode
         if rights & OTHERS:
             raise RecordError(f"{path}: other users can read this private key. Run: chmod 600 {path}")
-        content = file.read()
+        content = document_bytes(file, LARGEST_SMALL_FILE)
     return _loaded(path, content)
 
 
@@ -152,7 +152,7 @@ def keys_in(path: Path) -> list[str]:
     """Return the public keys in a file, one a line with remarks behind it; none where it cannot be read."""
     try:
         with open_file(path) as file:
-            text = file.read().decode("utf-8", "replace")
+            text = document_bytes(file, LARGEST_SMALL_FILE).decode("utf-8", "replace")
     except OSError:
         return []
     return list(dict.fromkeys(PUBLIC.findall(text)))

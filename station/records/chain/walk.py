@@ -11,7 +11,7 @@ from collections import Counter
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.chain_file import CHAIN, FIRST_LINES, Chain
 from station.records.chain.entries import CREATED, LOST, REMOVED, SEALED, START, Entry, entry_of, object_in
 from station.records.chain.head import chain_seen_in, head_of, heads_of
 from station.records.chain.keys import FOLDER_KEYS, keys_in, own_public_key, trusted_by_person
@@ -66,11 +66,13 @@ def walk(
     last, aside = Last(found.place.counter, found.place.sha256), None
     keys = trust_of(chain).keys if trusted is None else trusted
     newest: Entry | None = None
+    strange, from_first = 0, not at
     while (end := content.find(b"\n", at, end_at)) >= 0:
         line, begin_at = content[at:end], at
         at = end + 1
         entry = entry_of(line)
         if entry is None:
+            strange += from_first and not found.entries
             # Torn by a power failure it is no object: where it was more than that, the next line has no link to it.
             if object_in(line) is not None:
                 text = f"{CHAIN}: the line at byte {begin_at} is no entry: its fields are not those of an entry"
@@ -94,6 +96,9 @@ def walk(
         else:
             aside = this
     found.place = Place(at, last.counter, last.sha256)
+    if strange >= FIRST_LINES:
+        text = f"{CHAIN}: {strange} lines before its first entry are no entries"
+        found.problems.append(Problem("no_start", "", text))
     return found
 
 

@@ -61,6 +61,20 @@ def test_profiles_are_checked_before_anything_starts(tmp_path: Path) -> None:
         load_job(str(RECIPE), str(bench))
 
 
+def test_profiles_that_are_nowhere_are_named_all_at_once(tmp_path: Path) -> None:
+    job = load_job(str(RECIPE), "virtual")
+    text, named = job.bench_source.content.decode(), job.bench.profile_names
+    for number, name in enumerate(named):
+        text = text.replace(f"profile: {name}", f"profile: nowhere-{number}")
+    bench = tmp_path / "bench.yaml"
+    bench.write_text(text, encoding="utf-8")
+    with pytest.raises(RecipeError) as refused:
+        load_job(str(RECIPE), str(bench))
+    found = {one.found for one in refused.value.problems}
+    assert len(named) > 1
+    assert all(any(f"nowhere-{number}" in one for one in found) for number in range(len(named)))
+
+
 def test_the_scan_refuses_a_program_that_was_not_checked(tmp_path: Path, recipe: Path) -> None:
     job = load_job(str(recipe), None)
     recorded = tmp_path / "program.json"

@@ -14,6 +14,7 @@ from station.records.attempts import MOST
 from station.records.chain import blocks, lookup
 from station.records.chain.lookup import ChainEnd
 from station.records.data_folder import WORTH_KEEPING, Store
+from station.records.run_record import RunRecord
 from station.records.seal import seal
 
 
@@ -71,6 +72,14 @@ def test_a_record_that_no_chain_knows_counts_by_what_it_says(tmp_path: Path) -> 
     shutil.copytree(run, tmp_path / "here" / run.name)
     (told,) = Store(tmp_path / "here").attempts_of("SN-1")
     assert (told.attempt, told.verdict) == (1, "FAIL")
+
+
+def test_the_number_in_a_run_json_that_no_line_begins_is_none_of_the_chain(tmp_path: Path) -> None:
+    first = measured(tmp_path, "FAIL")
+    forged = RunRecord(Path(shutil.copytree(first, first.with_name(f"20260105T090000.000Z-{first.name[21:]}"))))
+    for run in (forged, RunRecord(first)):  # nor does that of a run which the chain has begun say another one
+        run.update(attempt=41)
+        assert Store(tmp_path).create("SN-1", SETUP, {}).manifest().attempt == (2 if run is forged else 3)
 
 
 @pytest.mark.parametrize("size", [1, 100, 5000])

@@ -17,6 +17,7 @@ from opcua_support import SETTINGS
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
+import station.cli.store.backup
 from station.errors import RecordError, StationError
 from station.opcua.certificates import checked_certificate, make_certificate
 from station.opcua.settings import load_opcua
@@ -286,3 +287,23 @@ def test_a_disk_that_is_full_leaves_no_half_backup(data: Path, tmp_path: Path, m
     with pytest.raises(StationError, match="No space left"):
         back_up(data, tmp_path / "backup.tar")
     assert [path.name for path in tmp_path.iterdir()] == ["runs"]
+
+
+def test_a_backup_names_the_run_that_it_reaches_where_others_begin_meanwhile(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    newest, later, file = Store(data).newest(1)[0].id, list[str](), tmp_path / "b.tar"
+
+    def begun(_: int) -> None:
+        if not later:
+            later.append(store_run(data, "LATER", [metric(0.4)]).id)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(station.cli.store.backup, "back_up", lambda folder, place: back_up(folder, place, begun))
+        made = here("backup", str(file), "--data", str(data), "--json").json
+    assert (made["reaches"], made["newer_runs"]) == (newest, 1)
+    restored = here("restore", str(file), "--data", str(tmp_path / "again"), "--json")
+    assert (restored.exit_code, restored.json["reaches"], restored.json["newer_runs"]) == (0, newest, 0)
+    assert later[0] not in restored.out
+    now = here("backup", str(tmp_path / "c.tar"), "--data", str(data), "--json").json
+    assert (now["reaches"], now["newer_runs"]) == (later[0], 0)

@@ -13,9 +13,21 @@ from lostmotion_command import Ran, here
 from run_copies import copy_of, desert
 from station_samples import SETUP
 
-from station.atomic_file import Appender, append_line, open_handle, read_from_disk, reserve, write_atomic
+from station.atomic_file import (
+    LARGEST_DOCUMENT,
+    LARGEST_SMALL_FILE,
+    Appender,
+    append_line,
+    open_handle,
+    read_file,
+    read_from_disk,
+    reserve,
+    write_atomic,
+)
 from station.errors import RecordError
+from station.own_place import PLACE, own_folder
 from station.records.chain.chain_file import CHAIN
+from station.records.chain.keys import FOLDER_KEYS, KEYS, PRIVATE, keys_in, own_key, own_public_key
 from station.records.chain.old_index import INDEX
 from station.records.data_folder import Store
 from station.records.run_lock import LOCK, RunLock
@@ -92,6 +104,33 @@ def test_the_next_run_on_the_bench_does_not_wait_for_it(deserted: RunRecord) -> 
     told = command(deserted, "run", "rv-40e-121-quick", "--serial", "N", "--virtual-time", "--no-report")
     assert told.exit_code == 0, told
     assert f"run {deserted.id} cannot be evaluated now: {deserted.samples}: cannot be read" in told.out + told.err
+
+
+@pytest.mark.parametrize("how", ["pipe", "large"])
+def test_a_private_key_that_is_none_by_its_file_is_not_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, how: str
+) -> None:
+    monkeypatch.setenv(PLACE, str(tmp_path))
+    path = own_folder(KEYS) / PRIVATE
+    if how == "pipe":
+        os.mkfifo(path, 0o600)
+    else:
+        path.touch(0o600)
+        os.truncate(path, LARGEST_SMALL_FILE + 1)
+    with pytest.raises(RecordError, match=f"{PRIVATE}: cannot be read: {'.*a pipe' if how == 'pipe' else '.*larger'}"):
+        own_key()
+    assert own_public_key() is None
+
+
+def test_a_list_of_keys_and_a_file_have_a_bound_of_what_is_read(tmp_path: Path) -> None:
+    path = tmp_path / FOLDER_KEYS
+    path.write_text(f"ed25519:{'0' * 64}\n", encoding="utf-8")
+    assert keys_in(path)
+    os.truncate(path, LARGEST_SMALL_FILE + 1)
+    assert keys_in(path) == []
+    os.truncate(path, LARGEST_DOCUMENT + 1)
+    with pytest.raises(RecordError, match="larger than 256 MB"):
+        read_file(path)
 
 
 def test_an_index_that_is_a_pipe_begins_no_chain(tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+from lostmotion_command import here
 from station_samples import IMAGE, ORDERS, SETUP
 
 import station.records.data_folder
@@ -332,3 +333,13 @@ def test_who_measured_stands_in_the_record(tmp_path: Path) -> None:
     record = new_record(tmp_path, job, Wanted("S1", None, None, "Ada L.", clock="virtual"), notes=[])
     assert record.manifest().operator == "Ada L."
     record.lock.close()
+
+
+def test_a_serial_number_that_differs_by_case_only_is_known(tmp_path: Path) -> None:
+    store = Store(tmp_path)
+    for serial in ("W1", "X-W1", "w2"):
+        store.create(serial, SETUP, {})
+    found = {one: Store(tmp_path).other_case_of(one) for one in ("w1", "W1", "x-w1", "W3", "w2")}
+    assert found == {"w1": "W1", "W1": "", "x-w1": "X-W1", "W3": "", "w2": ""}
+    told = here("run", "rv-40e-121-quick", "--serial", "w1", "--virtual-time", "--no-report", "--data", str(tmp_path))
+    assert "unit W1 is known here, and this is unit w1" in told.err + told.out

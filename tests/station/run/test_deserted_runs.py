@@ -197,13 +197,31 @@ def test_by_a_file_that_was_altered_before_the_conclusion_nothing_is_judged_or_t
         record.write_json("run.json", said)
     ran = here("conclude", record.id, "--data", str(record.folder.parent), "--json")
     (row,) = ran.json["runs"]
-    assert (row["outcome"], row["verdict"]) == ("concluded", None)
+    assert (ran.exit_code, row["outcome"], row["verdict"]) == (3, "concluded", None)
+    assert here("show", record.id, "--data", str(record.folder.parent)).exit_code == 3, "one exit code for one thing"
     assert row["error"]
     assert "PASS" not in here("conclude", record.id, "--data", str(record.folder.parent)).out
     result = record.read_json("result.json")
     assert (result["state"], result["verdict"], result["metrics"]) == ("complete", "NOT DECIDABLE", [])
     assert record.manifest().verdict == "NOT DECIDABLE"
     assert "the record was altered" in result["reasons"][0]
+
+
+@pytest.mark.parametrize("part", ["program.json", "profiles"])
+def test_by_a_program_or_profile_that_was_altered_since_the_run_began_nothing_is_judged(
+    quick_run: Any, tmp_path: Path, part: str
+) -> None:
+    record = RunRecord(quick_run.copy(tmp_path / "runs"))
+    desert(record, ring=tmp_path / "gone", report={"state": "finished", "written": record.records(), "lost": 0})
+    file = next((record.folder / part).iterdir()) if part == "profiles" else record.folder / part
+    kept = file.read_bytes()
+    file.write_bytes(kept.replace(b'"cycle": 1', b'"cycle": 2') if part == "program.json" else kept + b"# another\n")
+    assert file.read_bytes() != kept
+    recover(record)
+    result = record.read_json("result.json")
+    assert (result["state"], result["verdict"], result["metrics"]) == ("complete", "NOT DECIDABLE", [])
+    assert f"the record was altered: {part}" in result["reasons"][0]
+    assert alterations(record)
 
 
 def test_run_json_that_names_another_recipe_than_its_line_in_the_chain_is_altered(

@@ -21,6 +21,7 @@ from station.records.certificate_code import GENUINE, check_code, code_of
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.walk import Trust
 from station.records.data_folder import Store
+from station.records.seal import fingerprint
 from station.records.traces import FOLDER
 from station.records.verify import verify_folder
 from station.store import outbox
@@ -85,6 +86,18 @@ def test_nothing_goes_that_is_not_in_the_backup_as_it_is(data: Path) -> None:
         assert not done.removed
         assert all(one.why_not for one in done.kept)
     assert len(Store(data).runs()) == 7
+
+
+def test_a_run_whose_folder_is_a_link_stays_and_has_no_line(data: Path, tmp_path: Path) -> None:
+    linked = next(run for run in Store(data).runs() if run.serial() == "GOOD-1")
+    linked.folder.rename(tmp_path / linked.id)
+    linked.folder.symlink_to(tmp_path / linked.id)
+    files = {path.relative_to(data).as_posix(): fingerprint(path).sha256 for path in linked.folder.iterdir()}
+    before = (data / CHAIN).read_bytes()
+    only = tuple(one for one in plan(data, load_rules(data), LATER) if one.run == linked.id)
+    done = apply(data, only, files, "A. Tester")
+    assert ([one.run for one in done.kept], done.removed) == ([linked.id], ())
+    assert (data / CHAIN).read_bytes() == before
 
 
 def test_what_was_removed_is_named_and_a_restore_brings_it_all_back(data: Path, tmp_path: Path) -> None:

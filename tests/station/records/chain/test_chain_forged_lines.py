@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from chain_folders import a_key, another_computer, folder, lines, write
+from chain_folders import a_key, another_computer, lines, write
 from lostmotion_command import here
 from station_samples import SETUP
 from stored_runs import metric, store_run
@@ -17,12 +17,11 @@ from stored_runs import metric, store_run
 from definitions.number_formats import LARGEST_COUNT
 from station.errors import RecordError
 from station.own_place import PLACE
-from station.records.chain.chain_file import CREATED_MANIFEST, Chain
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.entries import CREATED, LOST, Entry, entry_of, signed_entry
 from station.records.chain.head import Head, head_of, keep_head
 from station.records.chain.keys import own_key, trust
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
 from station.records.verify import verify_folder
 from station.run.run_list import row
 
@@ -131,6 +130,20 @@ def test_a_line_beyond_all_bounds_is_named_and_stops_no_command(data: Path, name
     assert kinds(data) == set()
 
 
+def test_lines_before_the_first_entry_are_named_and_leave_every_run_its_verdict(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    junk, key = [b"junk\n"] * 3, own_key().public
+    write(data, [*junk, *lines(data)])
+    assert kinds(data) == set(), "power failures tear as many"
+    write(data, [*junk, *lines(data)])
+    another_computer(monkeypatch, tmp_path)
+    trust(key)
+    assert kinds(data) == {"no_start"}
+    assert [row(run).verdict for run in Store(data).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
+    assert "PROBLEM" in here("list", "--data", str(data)).out
+
+
 def test_forged_lines_within_a_run_leave_it_its_verdict(data: Path) -> None:
     whole = lines(data)
     write(data, [*whole[:2], unsigned(data), foreign(data, counter=NEAR), *whole[2:]])
@@ -207,10 +220,12 @@ def test_a_foreign_attempt_is_none_of_a_serial_number(data: Path) -> None:
 
 
 def test_attempts_that_have_come_to_their_end_leave_no_folder(data: Path) -> None:
-    run = RunRecord(folder(data, 0))
-    run.update(attempt=LARGEST_COUNT)
+    fields = {"run": RUN, "serial": "A", "attempt": LARGEST_COUNT, "recipe": "r", "bench": "b"}
+    end = last(data)
+    line = signed_entry(CREATED, end.counter + 1, end.sha256, "then", own_key(), **fields).line
+    write(data, [*lines(data), line + b"\n"])
     whole, before = lines(data), sorted(data.iterdir())
-    with pytest.raises(RecordError, match=rf"{run.id}.*has attempt {LARGEST_COUNT} of A"):
+    with pytest.raises(RecordError, match=rf"{CHAIN}.*has attempt {LARGEST_COUNT} of A"):
         Store(data).create("A", SETUP, {})
     assert sorted(data.iterdir()) == before
     assert lines(data) == whole

@@ -54,7 +54,7 @@ def trace_problems(data: Path, removed: Mapping[str, Entry]) -> list[Problem]:
             continue
         folder = data / FOLDER / run
         try:
-            now = hash_of({one.name: read_file(one) for one in folder.iterdir()})
+            now = hash_of({one.name: read_file(one, None) for one in folder.iterdir()})
         except (OSError, RecordError):
             now = ""
         if now != kept:

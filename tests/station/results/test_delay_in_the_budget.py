@@ -12,7 +12,7 @@ from analysis.evaluation.metric_result import MetricResult
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import MetricWanted
 from analysis.trace.trace import Trace
-from benchmarks.virtual_bench_study import run, without_errors
+from benchmarks.virtual_bench_study import Both, run
 from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.figures import figures_of
 from station.bench.request import Job, load_job
@@ -24,12 +24,17 @@ LATE_S = 3.5e-3
 
 
 @pytest.fixture(scope="module")
-def quick() -> tuple[Job, Trace]:
-    """A run at 300 N·m/s by sensors without errors: its drive accelerates, runs through the gap, and ripples."""
+def both() -> tuple[Job, Both]:
+    """A run at 300 N·m/s: its drive accelerates, runs through the gap, and ripples."""
     job = load_job(str(GOLDEN), None)
-    return job, run(
-        job, without_errors(virtual_config(job.bench, job.profile_paths, choose_unit("P1:1", job.recipe, 1)))
-    )
+    return job, run(job, virtual_config(job.bench, job.profile_paths, choose_unit("P1:1", job.recipe, 1)))
+
+
+@pytest.fixture(scope="module")
+def quick(both: tuple[Job, Both]) -> tuple[Job, Trace]:
+    """What was there in that run: no sensor's error hides what a delay does."""
+    job, traces = both
+    return job, traces.true
 
 
 def evaluated(job: Job, trace: Trace, late_s: float) -> list[MetricResult]:
@@ -52,3 +57,17 @@ def test_the_budget_knows_what_a_delay_does(quick: tuple[Job, Trace]) -> None:
             assert side.budget is not None
             (row,) = [one for one in side.budget.rows if one.quantity == "skew"]
             assert row.sensitivity == pytest.approx((after.value - before.value) / (2.0 * LATE_S), rel=0.15), name
+
+
+def test_what_the_sensors_show_is_within_u_of_what_was_there(both: tuple[Job, Both]) -> None:
+    """The truth of a run is its own: another takes another way where friction reverses."""
+    job, traces = both
+    wanted = [MetricWanted(name) for name in METRICS]
+    method = method_of(job.recipe, job.bench)
+    seen = analyse(traces.seen, method, wanted, figures=figures_of(job.bench)).metrics
+    for shown, exact in zip(seen, analyse(traces.true, method, wanted).metrics, strict=True):
+        for side, true in zip(shown.sides, exact.sides, strict=True):
+            assert side.value is not None
+            assert true.value is not None
+            assert side.uncertainty is not None
+            assert 0.0 < abs(side.value - true.value) <= side.uncertainty, (shown.wanted.id, side.side)

@@ -43,7 +43,7 @@ def rough(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, dict[int, Trac
     found = {}
     for seed in UNITS:
         unit = choose_unit(f"P1:{seed}", job.recipe, seed)
-        found[seed] = run(job, replace(virtual_config(job.bench, job.profile_paths, unit), sensor_seed=seed))
+        found[seed] = run(job, replace(virtual_config(job.bench, job.profile_paths, unit), sensor_seed=seed)).seen
     return job, found
 
 

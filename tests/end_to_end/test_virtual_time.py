@@ -62,6 +62,14 @@ def test_the_quick_recipe_passes_its_unit_at_its_own_period(as_shipped_run):
     assert ran.json["timing"]["period_ns"] == 1_000_000
 
 
+def test_a_sound_unit_whose_torque_runs_ahead_through_its_play_passes(lostmotion, quarter):
+    """Its torque jumps by 6 N·m as it takes up its play, and waits for the ramp: no rest of it."""
+    ran = lostmotion(
+        "run", quarter("rv-40e-121-quick"), "--virtual-time", "--json", "--unit", "P1:4", "--serial", "P1-4"
+    )
+    assert (ran.exit_code, ran.json["verdict"]) == (0, "PASS"), ran.json["reasons"]
+
+
 @pytest.mark.long
 @pytest.mark.parametrize("name", sorted(BENCH_RECIPES))
 def test_recipe_of_each_bench_passes_its_unit_at_its_own_period_too(stored_once, name):

@@ -101,8 +101,8 @@ def copied_cycles(evidence: Evidence) -> Reading | str:
     if not evidence.noise_declared:
         return "needs the noise of the sensors in the bench file: without noise, identical cycles are possible"
     torques = sum(getattr(found.recorded, name) is not None for name in COMPARED if name.startswith("torque"))
-    time = found.trace.t_s
-    fast = time is not None and float(np.median(np.diff(time))) <= SLOWEST_S
+    step_s = found.trace.step_s
+    fast = step_s is not None and step_s <= SLOWEST_S
     worst, where = 0.0, ""
     for side in (0, 1):
         samples = [of_cycle[side] for of_cycle in _as_measured(found)]

@@ -167,12 +167,12 @@ def spring_constant(loop: Loop, ask: Ask) -> float:
     """
     step = loop.method.spring_step_nm
     end = loop.reference_nm + SPRING_STEP_ENDS[ask.variant] * step
-    torques = ask.side * np.array([end - step, end])
+    torques = (ask.side * (end - step), ask.side * end)
     if ask.variant == "direct":
-        angles = np.array([ask.side * loop.branch_at(ask.branch, ask.side, float(abs(torque))) for torque in torques])
+        before, after = (ask.side * loop.branch_at(ask.branch, ask.side, abs(torque)) for torque in torques)
     else:
-        angles = _curve(loop, ask).at(torques)
-    return _ratio(ask.side * step, float(angles[1] - angles[0]))
+        before, after = (_curve(loop, ask).value_at(torque) for torque in torques)
+    return _ratio(ask.side * step, after - before)
 
 
 def windup(loop: Loop, ask: Ask) -> float:
@@ -180,8 +180,8 @@ def windup(loop: Loop, ask: Ask) -> float:
     torque = loop.reference_nm
     if ask.variant == "direct":
         return loop.mean_at(torque) - loop.mean_at(-torque)
-    low, high = _curve(loop, ask).at(np.array([-torque, torque]))
-    return float(high - low)
+    curve = _curve(loop, ask)
+    return curve.value_at(torque) - curve.value_at(-torque)
 
 
 def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001

@@ -171,8 +171,7 @@ def made_rising(torque: FloatArray, angle: FloatArray, counts: FloatArray) -> Br
     if not (np.diff(torque) > 0).all():
         fitted = scipy.optimize.isotonic_regression(torque, weights=counts)
         starts = fitted.blocks[:-1]
-        weights = np.add.reduceat(counts, starts)
-        angle = np.add.reduceat(angle * counts, starts) / weights
+        angle = np.add.reduceat(angle * counts, starts) / fitted.weights
         torque = fitted.x[starts]
     return Branch(np.ascontiguousarray(torque), np.ascontiguousarray(angle))
 

@@ -55,6 +55,12 @@ class MeanCurve:
         outside = np.where(torque < 0, polynomial(self.negative, torque), polynomial(self.positive, torque))
         return np.where(np.abs(torque) <= self.break_nm, middle, outside)
 
+    def value_at(self, torque_nm: float) -> float:
+        """Wind-up F(T) [arcmin] at one torque, as `at` gives it: a budget asks for it thousands of times."""
+        if abs(torque_nm) <= self.break_nm:
+            return _value(self.middle, torque_nm) + self.offset_arcmin
+        return _value(self.negative if torque_nm < 0.0 else self.positive, torque_nm)
+
     def stiffness_at(self, torque_nm: float) -> float:
         """Stiffness 1 / F′(T) [N·m/arcmin]."""
         if abs(torque_nm) <= self.break_nm:
@@ -210,6 +216,10 @@ class RegionCurve:
         for region, piece in enumerate(self.pieces):
             found[regions == region] = polynomial(piece, torque[regions == region])
         return found if np.ndim(torque_nm) else found[0]
+
+    def value_at(self, torque_nm: float) -> float:
+        """Wind-up [arcmin] at one torque, as `at` gives it."""
+        return float(self.at(torque_nm))
 
     def stiffness_at(self, torque_nm: float) -> float:
         """Stiffness [N·m/arcmin], the inverse of the region's slope; AnalysisError where the curve is flat."""

@@ -164,9 +164,11 @@ def _at(branch: Branch, torque_nm: float) -> float:
 
 def _area(branch: Branch, low_nm: float, high_nm: float) -> float:
     """Integral of the wind-up over torque between two torques."""
-    inside = (branch.torque_nm > low_nm) & (branch.torque_nm < high_nm)
-    torque = np.concatenate(([low_nm], branch.torque_nm[inside], [high_nm]))
-    return float(np.trapezoid(branch.at(torque), torque))
+    first, behind = branch.torque_nm.searchsorted(low_nm, "right"), branch.torque_nm.searchsorted(high_nm, "left")
+    at_ends = branch.at(np.array([low_nm, high_nm]))
+    torque = np.concatenate(([low_nm], branch.torque_nm[first:behind], [high_nm]))
+    angle = np.concatenate((at_ends[:1], branch.angle_arcmin[first:behind], at_ends[1:]))
+    return float(np.trapezoid(angle, torque))
 
 
 def reversal_record(loops: Sequence[Loop]) -> StageRecord:

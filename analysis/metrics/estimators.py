@@ -104,11 +104,8 @@ def lost_motion(loop: Loop, ask: Ask) -> float:
 
 def stiffness_lsq(loop: Loop, ask: Ask) -> float:
     """Inverse slope of the least squares line of wind-up over torque, loading branch, N·m/arcmin."""
-    low, high = LSQ_BAND
-    torque = np.linspace(low * loop.reference_nm, high * loop.reference_nm, LSQ_POINTS)
-    centred = torque - torque.mean()
-    slope = float((centred * loop.loading(ask.side, torque)).sum() / np.square(centred).sum())
-    return _ratio(1.0, slope)
+    torque, centred, square = lsq_line(loop.reference_nm)
+    return _ratio(1.0, float((centred * loop.loading(ask.side, torque)).sum() / square))
 
 
 def stiffness_chord(loop: Loop, ask: Ask, between: tuple[float, float]) -> float:
@@ -167,12 +164,12 @@ def spring_constant(loop: Loop, ask: Ask) -> float:
     """
     step = loop.method.spring_step_nm
     end = loop.reference_nm + SPRING_STEP_ENDS[ask.variant] * step
-    torques = ask.side * np.array([end - step, end])
+    torques = (ask.side * (end - step), ask.side * end)
     if ask.variant == "direct":
-        angles = np.array([ask.side * loop.branch_at(ask.branch, ask.side, float(abs(torque))) for torque in torques])
+        before, after = (ask.side * loop.branch_at(ask.branch, ask.side, abs(torque)) for torque in torques)
     else:
-        angles = _curve(loop, ask).at(torques)
-    return _ratio(ask.side * step, float(angles[1] - angles[0]))
+        before, after = (_curve(loop, ask).value_at(torque) for torque in torques)
+    return _ratio(ask.side * step, after - before)
 
 
 def windup(loop: Loop, ask: Ask) -> float:
@@ -180,8 +177,8 @@ def windup(loop: Loop, ask: Ask) -> float:
     torque = loop.reference_nm
     if ask.variant == "direct":
         return loop.mean_at(torque) - loop.mean_at(-torque)
-    low, high = _curve(loop, ask).at(np.array([-torque, torque]))
-    return float(high - low)
+    curve = _curve(loop, ask)
+    return curve.value_at(torque) - curve.value_at(-torque)
 
 
 def hysteresis_energy(loop: Loop, ask: Ask) -> float:  # noqa: ARG001
@@ -204,6 +201,15 @@ def _curve(loop: Loop, ask: Ask) -> Curve:
 def _ratio(torque_nm: float, angle_arcmin: float) -> float:
     """Torque over angle; not a number where the angle does not change."""
     return torque_nm / angle_arcmin if angle_arcmin else math.nan
+
+
+@lru_cache(maxsize=16)
+def lsq_line(reference_nm: float) -> tuple[FloatArray, FloatArray, float]:
+    """Return torques of the least squares line [N·m], the same less their mean, and the sum of the squares of that."""
+    low, high = LSQ_BAND
+    torque_nm = np.linspace(low * reference_nm, high * reference_nm, LSQ_POINTS)
+    centred = torque_nm - torque_nm.mean()
+    return torque_nm, centred, float(np.square(centred).sum())
 
 
 @lru_cache(maxsize=16)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -114,6 +115,11 @@ class Trace:
     def samples(self) -> int:
         """Number of samples."""
         return next(int(values.size) for name in CHANNELS for values in (getattr(self, name),) if values is not None)
+
+    @cached_property
+    def step_s(self) -> float | None:
+        """Median time between two samples [s]; None without time."""
+        return None if self.t_s is None else float(np.median(np.diff(self.t_s)))
 
     def channel(self, name: str, needed_for: str) -> FloatArray:
         """Return a channel by name; AnalysisError naming the column and what needs it when it was not measured."""

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
@@ -21,14 +22,14 @@ from analysis.loop.measured import Measured
 from analysis.loop.stages import StageRecord
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.budget import Budget, Entry, combined, of_scatter, only
-from analysis.uncertainty.chain import components, covariance_of, line_moves
+from analysis.uncertainty.chain import LineMove, components, covariance_of, line_moves
 from analysis.uncertainty.conditions import MeasurementConditions, conditions_of
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures, TorqueChannel
 from analysis.uncertainty.left_open import OPEN_SOURCES, TRIAL
 from analysis.uncertainty.loop_uncertainty import LoopUncertainty
 from analysis.uncertainty.monte_carlo import SEED, interval
-from analysis.uncertainty.sources import SOURCES
+from analysis.uncertainty.sources import SOURCES, Declared, ErrorSource
 from definitions.checks import CHECKS
 
 WITH_FIGURES = "uncertainty: from the sensor specifications in the bench file, U = k·u with {k}"
@@ -131,8 +132,14 @@ class Measurement:
         """Return the budget of slope or offset of a calibration line, and its draws about the value."""
         of_slope = metric == "torque_ratio_slope"
         return ratio_budget(
-            line, unit, self._circumstances, self._figures, of_slope=of_slope, value=value, draws=self._draws
-        )
+            line, unit, self._circumstances, self._figures, self._line_sources,
+            of_slope=of_slope, value=value, draws=self._draws,
+        )  # fmt: skip
+
+    @cached_property
+    def _line_sources(self) -> tuple[LineSource, ...]:
+        """What may bend the calibration lines of this run; each line is fitted again once, for slope and offset."""
+        return () if self._figures is None else line_sources(self._circumstances, self._figures)
 
 
 def _unlimited_text(check: str) -> str:
@@ -167,16 +174,36 @@ def measurement_of(
     return measurement, StageRecord("uncertainty", text)
 
 
+class LineSource(NamedTuple):
+    """A source, what is declared of it, and what one unit of each of its components does to the lines, by name."""
+
+    source: ErrorSource
+    declared: Declared
+    moves: tuple[dict[str, LineMove], ...]
+
+
+def line_sources(conditions: MeasurementConditions, figures: SensorFigures) -> tuple[LineSource, ...]:
+    """Return the sources that are declared, in the order of their tables; none for lines of another run."""
+    if not conditions.lines_of_this_run:
+        return ()
+    return tuple(
+        LineSource(source, declared, tuple(line_moves(shape, conditions, figures) for shape in source.shapes))
+        for source in (*SOURCES, *chain.from_iterable(OPEN_SOURCES.values()))
+        if (declared := source.declared(figures, conditions)) is not None
+    )
+
+
 FIT = ("line_fit", "scatter of the points about the fitted line", "normal")
 
 
 def ratio_budget(
-    name: str, unit: str, conditions: MeasurementConditions, figures: SensorFigures | None, *,
-    of_slope: bool, value: float = 0.0, draws: int = 0,
+    name: str, unit: str, conditions: MeasurementConditions, figures: SensorFigures | None,
+    sources: Sequence[LineSource], *, of_slope: bool, value: float = 0.0, draws: int = 0,
 ) -> Budget | None:  # fmt: skip
     """Return the budget of offset or slope of a calibration line, by the line's name; None for one of no known origin.
 
-    Without figures it is the scatter about the line alone. draws: of Monte Carlo about the value, 0 for none.
+    sources: `line_sources` of these figures. Without figures it is the scatter about the line alone. draws: of Monte
+    Carlo about the value, 0 for none.
     """
     covariance = covariance_of(name, conditions, SensorFigures() if figures is None else figures)
     if covariance is None:
@@ -187,12 +214,8 @@ def ratio_budget(
     if figures is None or not conditions.lines_of_this_run:
         return _with_draws(only(fitted, conditions.coverage), [fit], value, draws)
     entries, drawn = [fitted], [fit]
-    for source in (*SOURCES, *chain.from_iterable(OPEN_SOURCES.values())):
-        declared = source.declared(figures, conditions)
-        if declared is None:
-            continue
-        moves = [line_moves(shape, conditions, figures)[name] for shape in source.shapes]
-        parts = [move.slope if of_slope else move.offset_nm for move in moves]
+    for source, declared, moves in sources:
+        parts = [move[name].slope if of_slope else move[name].offset_nm for move in moves]
         if any(parts):
             part = declared.u * (parts[0] if len(parts) == 1 else math.hypot(*parts))
             entries.append(Entry(source.id, source.text, declared.distribution, declared.u, source.unit, part))

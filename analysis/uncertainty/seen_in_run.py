@@ -47,7 +47,7 @@ def noise_seen_arcmin(found: Measured) -> float:
     Of the angles as they were recorded: what moves the channels to one clock smooths them.
     """
     trace = found.recorded
-    if trace.t_s is None or trace.t_s.size < LEAST_SAMPLES or float(np.median(np.diff(trace.t_s))) > SLOWEST_S:
+    if trace.step_s is None or trace.samples < LEAST_SAMPLES or trace.step_s > SLOWEST_S:
         return 0.0
     variance = 0.0
     for values, scale in _shafts(found, trace.angle_in_rad, trace.angle_out_rad):

@@ -16,7 +16,7 @@ from analysis.loop.measured import Measured
 from analysis.loop.samples import BranchSamples
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import BoolArray, FloatArray
-from analysis.validity.evidence import MIDDLE, NOT_EVALUATED, Evidence, Figure, Reading, of_measured, of_span
+from analysis.validity.evidence import MIDDLE, NOT_EVALUATED, Evidence, Figure, Reading, of_measured, of_span, once
 from definitions.units import ARCMIN_PER_RAD
 
 EXAMPLE_LAG_S = 0.01
@@ -206,6 +206,7 @@ STEPS_TO = 1e-6
 
 
 @of_measured
+@once
 def angle_steps(found: Measured) -> Reading | str:
     """Smallest step between two values of an angle, at the output, % of the wind-up of the branch; the coarser one."""
     trace, worst = found.recorded, Reading(0.0)

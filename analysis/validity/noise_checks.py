@@ -59,8 +59,8 @@ def _noise(
     there = [name for name in declared if getattr(found.trace, name) is not None]
     if not there:
         return "needs the noise of a torque sensor in the bench file"
-    time = found.trace.t_s
-    if time is None or float(np.median(np.diff(time))) > SLOWEST_S:
+    step_s = found.trace.step_s
+    if step_s is None or step_s > SLOWEST_S:
         return f"not measured: needs {1.0 / SLOWEST_S:g} samples per second or more to separate noise from the signal"
     variances = {name: _variances(found, name, calibration=calibration) for name in there}
     if not all(variances.values()):

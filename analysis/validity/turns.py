@@ -92,7 +92,7 @@ def lag_at_turns(found: Measured) -> TurnLag | str:
     scatter = 1.483 * np.median(np.abs(columns - np.median(columns, axis=0)), axis=0)
     u_overrun, u_meeting = (1.25 * np.maximum(scatter[:2], u_noise) / math.sqrt(len(told))).tolist()
     u_rows = u_overrun if rows == overrun else math.hypot(u_overrun, u_meeting)
-    step_s = None if trace.t_s is None else float(np.median(np.diff(trace.t_s)))
+    step_s = trace.step_s
     seconds, u_seconds = (None, None) if step_s is None else (rows * step_s, u_rows * step_s)
     return TurnLag(seconds, u_seconds, scale * rows * rate, scale * u_rows * rate, scale * rate / speed, len(told))
 

@@ -30,6 +30,10 @@ STEADY = 0.15
 """Deviation of half of all rates from their median below which it is the torque that is ramped, where the wind-up is
 less steady: it then stands for itself. On a ramp of constant speed it slows down wherever the unit is softer."""
 
+AT_REST = 0.2
+"""Share of the rate that half of the torque was gone through by, below which a ramp does not go on: a block there says
+nothing of what is usual, for a rest may take most of a branch's time."""
+
 UNDER_WAY = 0.7
 """Share of these rates at which a ramp is under way: what comes before is its start, what comes after its end."""
 
@@ -167,10 +171,15 @@ def _slow(step: FloatArray, load: FloatArray, angle: FloatArray, begins: int, en
     if not (step > 0.0).all():
         return
     torque_rate, angle_rate = load / step, angle / step
-    reversed_at = int(np.argmax(angle_rate > REVERSED * np.median(angle_rate)))
-    rates = [_over_usual(values, reversed_at) for values in (torque_rate, angle_rate)]
+    goes_on = torque_rate > AT_REST * _half_way(torque_rate, load)
+    if not goes_on.any():
+        return
+    usual = [float(np.median(rate[goes_on])) for rate in (torque_rate, angle_rate)]
+    reversed_at = int(np.argmax(angle_rate > REVERSED * usual[1]))
+    both = list(zip((torque_rate, angle_rate), usual, strict=True))
+    rates = [_over_usual(rate, of_all, reversed_at) for rate, of_all in both]
     of_load, of_angle = (
-        np.quantile(np.abs(one / np.median(one) - 1.0), (0.5, 0.95)).tolist() for one in (torque_rate, angle_rate)
+        np.quantile(np.abs(rate[goes_on] / of_all - 1.0), (0.5, 0.95)).tolist() for rate, of_all in both
     )
     of_torque = of_load[0] < STEADY and of_load[1] < of_angle[1]
     slow: BoolArray = (rates[0] < SLOWED) & (of_torque | (rates[1] < CREEPS))
@@ -205,13 +214,23 @@ def _going_over(at: FloatArray, load: FloatArray, slow: Sequence[tuple[int, int]
     return there if back < LANDS * float(np.ptp(load)) and lost_s < GOES_OVER_S else ()
 
 
-def _over_usual(rate: FloatArray, reversed_at: int) -> FloatArray:
-    """Return rates over the median of those around them; 1 where that tells nothing, as friction reverses."""
+def _half_way(rate: FloatArray, advance: FloatArray) -> float:
+    """Return the rate that half of the torque was gone through by: rests have no part in it, however long they are."""
+    order = np.argsort(rate)
+    gone = np.cumsum(np.maximum(advance[order], 0.0))
+    return float(rate[order[np.searchsorted(gone, gone[-1] / 2.0)]])
+
+
+def _over_usual(rate: FloatArray, of_all: float, reversed_at: int) -> FloatArray:
+    """Return rates over the median of those around them; 1 where that tells nothing, as friction reverses.
+
+    of_all: their median where the ramp goes on.
+    """
     if rate.size > AROUND:
         usual: FloatArray = scipy.ndimage.median_filter(rate, 2 * AROUND + 1, mode="mirror")
     else:
-        usual = np.full(rate.size, float(np.median(rate)))
-    least = LEAST_USUAL * float(np.median(rate))
+        usual = np.full(rate.size, of_all)
+    least = LEAST_USUAL * of_all
     told = (np.arange(rate.size) >= reversed_at) | (usual >= least)
     found: FloatArray = np.where(told, rate / np.maximum(usual, least), 1.0) if least > 0.0 else np.ones(rate.size)
     return found

@@ -83,10 +83,10 @@ LEVELS = (
 
 
 @pytest.mark.parametrize("noise_nm", [0.0, 0.2])
-@pytest.mark.parametrize("rest_s", [0.06, 0.2, 1.0, 5.0])
+@pytest.mark.parametrize("rest_s", [0.06, 0.2, 1.0, 5.0, 20.0])
 @pytest.mark.parametrize("unit", [SOUND, WORN], ids=["sound", "worn"])
 def test_a_rest_is_told_wherever_it_is(unit: ReferenceUnit, rest_s: float, noise_nm: float) -> None:
-    """Before, in and after the play too, whatever the torque does there."""
+    """Before, in and after the play too, whatever the torque does there, and if it takes most of the time."""
     missed = []
     for crossing, level in product(("even", *OWN), LEVELS):
         branch, rest = rising(crossing, rest=(level, rest_s), unit=unit, noise_nm=noise_nm)

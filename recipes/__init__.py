@@ -22,6 +22,7 @@ from recipes.shipped import (
     load_recipe,
     parse_bench,
     parse_recipe,
+    parse_written_bench,
     shipped_benches,
     shipped_recipes,
 )
@@ -58,6 +59,7 @@ __all__ = [
     "parse_bench",
     "parse_document",
     "parse_recipe",
+    "parse_written_bench",
     "read_bytes",
     "selected",
     "shipped_benches",

@@ -28,8 +28,14 @@ Rule = Callable[[Source], Iterable[Problem]]
 
 
 def load_document(path: str | Path, model: type[ModelT], context: Context | None = None) -> ModelT:
-    """Load a YAML document as a model. Raises RecipeError with all problems of the document, sorted by line."""
-    return load_source(read_source(path), model, context)
+    """Load a YAML document as a model. Raises RecipeError with all problems of the document, sorted by line.
+
+    An option with nothing behind it is one, where the model takes it: its author meant to add a value.
+    """
+    source = read_source(path)
+    loaded = load_source(source, model, context)
+    source.refuse_empty_options()
+    return loaded
 
 
 def parse_document(raw: bytes, path: str, model: type[ModelT], context: Context | None = None) -> ModelT:

@@ -61,13 +61,27 @@ def load_bench(path: str | Path) -> Bench:
     return parse_bench(read_bytes(named), str(named))
 
 
-@lru_cache(maxsize=KEPT)
 def parse_bench(raw: bytes, path: str) -> Bench:
     """Load a bench from the bytes of a file, such as the copy in a record. Raises RecipeError."""
+    return _bench_of(raw, path)[1]
+
+
+def parse_written_bench(raw: bytes, path: str) -> Bench:
+    """Load a bench from the bytes of a file that is no copy in a record: an option without a value is refused too.
+
+    Raises RecipeError.
+    """
+    source, bench = _bench_of(raw, path)
+    source.refuse_empty_options()
+    return bench
+
+
+@lru_cache(maxsize=KEPT)
+def _bench_of(raw: bytes, path: str) -> tuple[Source, Bench]:
     source = parse_source(raw, path)
     hint = "Name it as the recipe, and the bench file with --bench."
     _refuse_other(source, "recipe", "bench", "a recipe in the place of a bench file", hint)
-    return load_source(source, Bench)
+    return source, load_source(source, Bench)
 
 
 def default_bench(recipe: Recipe) -> tuple[Path, Bench]:

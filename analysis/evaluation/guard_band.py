@@ -8,10 +8,11 @@ that are not accepted. Source: JCGM 106:2012, 9.3 to 9.5.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections import defaultdict
+from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy  # loads optimize and stats where they are used
@@ -27,6 +28,9 @@ REACH = 12.0
 
 TAIL = 1e-12
 """Share of the process that is left out at each end."""
+
+ALIKE = 0.01
+"""Share by which the u and the guard bands of values may differ for the values to count as measured alike."""
 
 
 @dataclass(frozen=True)
@@ -52,6 +56,13 @@ class Risks:
     false_fail: float
     undecided: float
     guard: float
+
+
+class Measured(NamedTuple):
+    """How a value was measured: its standard uncertainty, and the guard band that it is judged with."""
+
+    u: float
+    guard: float = 0.0
 
 
 def normal_process(mean: float, sd: float) -> Process:
@@ -93,9 +104,38 @@ def risks(process: Process, low: float | None, high: float | None, u: float, gua
     between them, for u that is not above zero, for a guard band that is no finite number, and for shares that cannot
     be computed.
     """
-    _check(low, high, u, guard)
+    return risks_of_each(process, low, high, [Measured(u, guard)])
+
+
+def risks_of_each(process: Process, low: float | None, high: float | None, measured: Sequence[Measured]) -> Risks:
+    """Return the mean of the risks of values that are measured each with its own u and judged with its own guard band.
+
+    The risks by the mean of u and guard band would be others. A guard band that leaves nothing between the limits
+    accepts no value; where each one does so, AnalysisError is raised, and otherwise as by `risks`.
+    """
+    _check(low, high, measured)
+    alike: dict[tuple[int, ...], list[Measured]] = defaultdict(list)
+    for one in measured:
+        alike[(*_step(one.u), *_step(one.guard))].append(one)
+    weighted = [
+        [len(some) * share for share in astuple(_risks(process, low, high, *_mean(some)))] for some in alike.values()
+    ]
+    return Risks(*(sum(shares) / len(measured) for shares in zip(*weighted, strict=True)))
+
+
+def _step(value: float) -> tuple[int, int]:
+    """Return the sign of a value and its step on a scale of which each step is a share of `ALIKE` wide."""
+    return (0, 0) if value == 0.0 else (int(math.copysign(1, value)), round(math.log(abs(value)) / ALIKE))
+
+
+def _mean(measured: Sequence[Measured]) -> Measured:
+    return Measured(*(sum(some) / len(measured) for some in zip(*measured, strict=True)))
+
+
+def _risks(process: Process, low: float | None, high: float | None, u: float, guard: float) -> Risks:
+    """Return the risks of values that are measured alike; AnalysisError for shares that cannot be computed."""
     with np.errstate(all="ignore"):
-        found = _risks(process, low, high, u, guard)
+        found = _shares(process, low, high, u, guard)
     if not all(math.isfinite(share) for share in astuple(found)):
         raise AnalysisError(
             f"decision: the risks of the process ({process.text}) with u = {u:g} and a guard band of {guard:g} cannot "
@@ -104,7 +144,7 @@ def risks(process: Process, low: float | None, high: float | None, u: float, gua
     return found
 
 
-def _risks(process: Process, low: float | None, high: float | None, u: float, guard: float) -> Risks:
+def _shares(process: Process, low: float | None, high: float | None, u: float, guard: float) -> Risks:
     accept = _between(low, high, -guard, u)
     not_fail = _between(low, high, abs(guard), u)
     true_low, true_high = -math.inf if low is None else low, math.inf if high is None else high
@@ -136,7 +176,7 @@ def guard_for(process: Process, low: float | None, high: float | None, u: float,
     most = 10.0 * u
     if low is not None and high is not None:
         most = min(most, 0.499 * (high - low))
-    _check(low, high, u, 0.0)
+    _check(low, high, [Measured(u)])
 
     def excess(guard: float) -> float:
         return risks(process, low, high, u, guard).false_accept - false_accept
@@ -150,16 +190,18 @@ def guard_for(process: Process, low: float | None, high: float | None, u: float,
     return float(scipy.optimize.brentq(excess, -5.0 * u, most, xtol=1e-9 * u))
 
 
-def _check(low: float | None, high: float | None, u: float, guard: float) -> None:
+def _check(low: float | None, high: float | None, measured: Sequence[Measured]) -> None:
     if low is None and high is None:
         raise AnalysisError("decision: no limit; give the lower one, the upper one or both")
-    if not (math.isfinite(2.0 * u) and u > 0.0):
-        raise AnalysisError(f"decision: u: found {u:g}; expected a standard uncertainty above zero, and finite")
-    if not math.isfinite(guard):
-        raise AnalysisError(f"decision: guard band: found {guard:g}; expected a finite number")
-    if low is not None and high is not None and not low + guard < high - guard:
+    for u, guard in measured:
+        if not (math.isfinite(2.0 * u) and u > 0.0):
+            raise AnalysisError(f"decision: u: found {u:g}; expected a standard uncertainty above zero, and finite")
+        if not math.isfinite(guard):
+            raise AnalysisError(f"decision: guard band: found {guard:g}; expected a finite number")
+    least = min(guard for _, guard in measured)
+    if low is not None and high is not None and not low + least < high - least:
         raise AnalysisError(
-            f"decision: limits {low:g} and {high:g} with a guard band of {guard:g}: no accepted value is left between "
+            f"decision: limits {low:g} and {high:g} with a guard band of {least:g}: no accepted value is left between "
             "them; "
             "measure with a smaller uncertainty"
         )

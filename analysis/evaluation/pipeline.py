@@ -29,6 +29,7 @@ from analysis.uncertainty.measurement import measurement_of
 from analysis.validity.evidence import RunFacts, evidence_of
 from analysis.validity.judge import CheckResult, check_reasons, judge_checks
 from analysis.validity.ramp_ends import lateness_of
+from analysis.validity.torque_checks import zeroes_shown_nm
 
 CURVE_POINTS = 401
 """Torques of the mean curves given for plotting."""
@@ -113,7 +114,8 @@ def analyse(
         moved = {} if facts is None else {name: facts.zero_shift_nm(name) for name in TORQUES}
         errors, stage = measurement_of(
             found, figures, by_output=by_output, draws=draws, late_s=late_s,
-            zero_shifts_nm={name: nm for name, nm in moved.items() if nm is not None}, left_open=left_open,
+            zero_shifts_nm={name: nm for name, nm in moved.items() if nm is not None},
+            zeroes_shown_nm=None if figures is None else zeroes_shown_nm(found, figures), left_open=left_open,
             holds=None if facts is None else facts.holds,
         )  # fmt: skip
         closed, unbroken = closed_loops(found), mended(found.loops, found.interruptions)

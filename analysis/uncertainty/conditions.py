@@ -76,7 +76,8 @@ class MeasurementConditions:
     was estimated from the cycles; 0 where it was not. late_s: delay of the torque behind the wind-up that the ends of
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
-    the run, of the channels where they were. coverage: with which k an uncertainty is stated. noise_seen_arcmin,
+    the run, of the channels where they were. zeroes_shown_nm: how far off torque zeroes can be, of the channels whose
+    lines show more than is declared. coverage: with which k an uncertainty is stated. noise_seen_arcmin,
     locked_width_arcmin: what the angles show of their own errors (`seen_in_run`). way_arcmin: that the loaded shaft
     turns in a cycle, at the output. left_open: sizes of the errors that the validity checks leave open and the budget
     shall have, by check, in the unit of its error.
@@ -99,6 +100,7 @@ class MeasurementConditions:
     coverage: Coverage = USUAL
     cycles: int = 1
     zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
+    zeroes_shown_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     noise_seen_arcmin: float = 0.0
     locked_width_arcmin: float = 0.0
     way_arcmin: float = 0.0
@@ -169,7 +171,8 @@ def line_name(sign: int, direction: int) -> str:
 
 def conditions_of(
     found: Measured, *, late_s: float = 0.0, zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
-    left_open: Mapping[str, float] | None = None, holds: int | None = None,
+    zeroes_shown_nm: Mapping[TorqueChannel, float] | None = None, left_open: Mapping[str, float] | None = None,
+    holds: int | None = None,
 ) -> MeasurementConditions:  # fmt: skip
     """Return how the first cycle of a measurement was made; what is named here is as in `MeasurementConditions`."""
     method, trace, loop = found.method, found.trace, found.loops[0]
@@ -201,6 +204,7 @@ def conditions_of(
         coverage=coverage_of([one.place for one in found.interruptions], holds),
         cycles=len(found.loops),
         zero_shifts_nm=zero_shifts_nm or {},
+        zeroes_shown_nm=zeroes_shown_nm or {},
         noise_seen_arcmin=noise_seen_arcmin(found),
         locked_width_arcmin=locked_width_arcmin(found),
         way_arcmin=max(float(np.ptp(one.angle_arcmin)) for one in (loop.forward, loop.backward))

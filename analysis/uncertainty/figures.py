@@ -161,7 +161,12 @@ class SensorFigures:
     @property
     def torque_out_zero_nm(self) -> float:
         """Limit of what the tare leaves of the zero of the output torque, N·m; 0 without that sensor."""
-        return 0.0 if self.torque_out is None else self.torque_out.zero_fraction * self.torque_out.full_scale_nm
+        return self.zero_nm("torque_out_nm") or 0.0
+
+    def zero_nm(self, name: TorqueChannel) -> float | None:
+        """Return the limit of what the tare leaves of a channel's zero, N·m; None without sensor."""
+        sensor = self.torque_in if name == "torque_in_nm" else self.torque_out
+        return None if sensor is None else sensor.zero_fraction * sensor.full_scale_nm
 
     def zero_move_nm(self, name: TorqueChannel) -> tuple[float, float] | None:
         """Return by how much a channel's zero may move in a run: by friction at rest, and at most; None without sensor.

@@ -151,20 +151,25 @@ def _unlimited_text(check: str) -> str:
 def measurement_of(
     found: Measured, figures: SensorFigures | None, *,
     by_output: Sequence[Loop] = (), draws: int = 0, late_s: float = 0.0,
-    zero_shifts_nm: Mapping[TorqueChannel, float] | None = None, left_open: Mapping[str, float | None] | None = None,
+    zero_shifts_nm: Mapping[TorqueChannel, float] | None = None,
+    zeroes_shown_nm: Mapping[TorqueChannel, float] | None = None, left_open: Mapping[str, float | None] | None = None,
     holds: int | None = None,
 ) -> tuple[Measurement, StageRecord]:  # fmt: skip
     """Return what is known of the errors of a measurement, and the record that says what its uncertainty contains.
 
     by_output: loops by the torque at the output, where it was measured beside one that is converted. draws: of Monte
     Carlo beside the budget; 0 for none. late_s: delay of the torque behind the wind-up that the measurement shows.
-    zero_shifts_nm: moves of the torque zeroes that were read again after the run. left_open: sizes of the errors that
-    the checks leave open and the budget shall have, by check, None where nothing limits one; None for no such rows.
+    zero_shifts_nm: moves of the torque zeroes that were read again after the run. zeroes_shown_nm: how far off those
+    can be whose torque lines show more than is declared. left_open: sizes of the errors that the checks leave open and
+    the budget shall have, by check, None where nothing limits one; None for no such rows.
     holds: how often a ramp of the run was held; None where nobody has asked.
     """
     sizes = {check: size for check, size in (left_open or {}).items() if size is not None}
     unlimited = None if left_open is None else [check for check, size in left_open.items() if size is None]
-    conditions = conditions_of(found, late_s=late_s, zero_shifts_nm=zero_shifts_nm, left_open=sizes, holds=holds)
+    conditions = conditions_of(
+        found, late_s=late_s, zero_shifts_nm=zero_shifts_nm, zeroes_shown_nm=zeroes_shown_nm, left_open=sizes,
+        holds=holds,
+    )  # fmt: skip
     measurement = Measurement(
         found.loops[0], conditions, figures, by_output=by_output, draws=draws, unlimited=unlimited
     )

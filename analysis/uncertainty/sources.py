@@ -73,33 +73,40 @@ def _rectangular(_: SensorFigures) -> str:
     return "rectangular"
 
 
+def _sensor_of(name: TorqueName, figures: SensorFigures) -> TorqueFigures | None:
+    return figures.torque_in if name == "torque_in" else figures.torque_out
+
+
+def _entering(name: TorqueName, figures: SensorFigures, conditions: MeasurementConditions) -> TorqueFigures | None:
+    """Return what is declared of a sensor whose errors enter: the input's do by torque lines alone."""
+    return None if name == "torque_in" and conditions.quadrants is None else _sensor_of(name, figures)
+
+
 def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
     """Gain, zero and reversibility of one torque sensor."""
-
-    def sensor_of(figures: SensorFigures) -> TorqueFigures | None:
-        return figures.torque_in if name == "torque_in" else figures.torque_out
+    channel: TorqueChannel = "torque_in_nm" if name == "torque_in" else "torque_out_nm"
 
     def stated(figures: SensorFigures) -> str:
-        sensor = sensor_of(figures)
+        sensor = _sensor_of(name, figures)
         return _rectangular(figures) if sensor is None else STATED_BY[sensor.stated_by]
 
     def limit(fraction: Callable[[TorqueFigures], float], *, of_scale: bool) -> Callable[..., float | None]:
         def found(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
-            sensor = sensor_of(figures)
-            unused = name == "torque_in" and conditions.quadrants is None
-            if sensor is None or unused:
+            sensor = _entering(name, figures, conditions)
+            if sensor is None:
                 return None
             return fraction(sensor) * (sensor.full_scale_nm if of_scale else 1.0)
 
         return found
 
     def moved(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
-        channel: TorqueChannel = "torque_in_nm" if name == "torque_in" else "torque_out_nm"
         declared, moved_nm = figures.zero_move_nm(channel), conditions.zero_shifts_nm.get(channel)
-        unused = name == "torque_in" and conditions.quadrants is None
-        if declared is None or moved_nm is None or unused:
+        if declared is None or moved_nm is None or _entering(name, figures, conditions) is None:
             return None
         return max(0.0, abs(moved_nm) - declared[0]) or None
+
+    def shown(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
+        return None if _entering(name, figures, conditions) is None else conditions.zeroes_shown_nm.get(channel)
 
     def shape(of: Callable[[Setting], FloatArray | float]) -> tuple[Shape]:
         if name == "torque_in":
@@ -119,6 +126,10 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
         ErrorSource(
             f"{name}_zero_moved", f"shift of the zero of the {words} torque sensor during the run",
             "N·m", _rectangular, moved, shape(lambda _: 1.0),
+        ),
+        ErrorSource(
+            f"{name}_zero_shown", f"zero of the {words} torque sensor, as loading and unloading show it",
+            "N·m", _rectangular, shown, shape(lambda _: 1.0),
         ),
         ErrorSource(
             f"{name}_reversibility", f"reversibility (hysteresis) of the {words} torque sensor", "N·m", stated,

@@ -52,14 +52,17 @@ class Told(NamedTuple):
 
 
 class SettledLines(NamedTuple):
-    """What the torque lines of a run show: ratio of each side, output torque at no load [N·m] or None, friction.
+    """What the torque lines of a run show: ratio of each side, both torques at no load [N·m] or None, friction.
 
-    friction: share of the load that it grows by, mean of both sides.
+    friction: share of the load that it grows by, mean of both sides. zero_in_nm: of the input torque, without the
+    friction that is there without load, idle_nm of each direction, NaN where it is not known.
     """
 
     ratios: Mapping[str, Told]
     zero_nm: Told | None
     friction: float
+    zero_in_nm: Told | None = None
+    idle_nm: float = math.nan
 
 
 Fits = Mapping[str, RatioFit]
@@ -111,8 +114,14 @@ def settled_lines(trace: Trace, runs: Sequence[Run]) -> SettledLines:
             break
         known.append(fits)
     ratios = {side: told(known, partial(ratio_of, side=side)) for side in SIDES}
-    zero = told(known, zero_of)
-    return SettledLines(ratios, zero if math.isfinite(zero.value) else None, friction_of(known[-1]))
+    zero, zero_in = (told(known, figure) for figure in (zero_of, zero_in_of))
+    return SettledLines(
+        ratios,
+        zero if math.isfinite(zero.value) else None,
+        friction_of(known[-1]),
+        zero_in if math.isfinite(zero_in.value) else None,
+        idle_of(known[-1]),
+    )
 
 
 def ratio_of(fits: Lines, side: str) -> float:
@@ -123,14 +132,35 @@ def ratio_of(fits: Lines, side: str) -> float:
 
 def zero_of(fits: Lines) -> float:
     """Output torque at which the lines of a direction of motion meet, N·m; mean of both; NaN where they do not."""
+    return sum(torque_out for _, torque_out in _meetings(fits)) / len(SIDES)
+
+
+def zero_in_of(fits: Lines) -> float:
+    """Input torque at which the lines of a direction of motion meet, N·m; mean of both; NaN where they do not.
+
+    The friction without load stands there, against each direction: where it is alike in both the mean has none of it.
+    """
+    return sum(torque_in for torque_in, _ in _meetings(fits)) / len(SIDES)
+
+
+def idle_of(fits: Lines) -> float:
+    """Friction without load at the input, N·m: half of what lies between both directions; NaN where it is not known."""
+    (forward, _), (backward, _) = _meetings(fits)
+    return abs(forward - backward) / 2.0
+
+
+def _meetings(fits: Lines) -> list[tuple[float, float]]:
+    """Input and output torque [N·m] at which the lines of each direction of motion meet; NaN where they do not."""
     found = []
     for side, other in (SIDES, SIDES[::-1]):
         load, unload = fits[f"load_{side}"], fits[f"unload_{other}"]
         apart = unload.slope - load.slope
         if not apart > LEAST_APART * load.slope:
-            return math.nan
-        found.append((unload.slope * load.offset_nm - load.slope * unload.offset_nm) / apart)
-    return sum(found) / len(found)
+            return [(math.nan, math.nan)] * len(SIDES)
+        torque_in = (load.offset_nm - unload.offset_nm) / apart
+        torque_out = (unload.slope * load.offset_nm - load.slope * unload.offset_nm) / apart
+        found.append((torque_in, torque_out))
+    return found
 
 
 def friction_of(fits: Lines) -> float:

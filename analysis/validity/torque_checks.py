@@ -23,6 +23,7 @@ from analysis.loop.measured import Measured
 from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
+from analysis.uncertainty.figures import SensorFigures, TorqueChannel
 from analysis.uncertainty.scatter import alike
 from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
@@ -226,6 +227,35 @@ def torque_out_zero(evidence: Evidence) -> Reading | str:
     if unsure_nm > allowed_nm >= beyond_nm:
         return f"{IN_TRANSITION}; the zero is {_known(unsure_nm, 'N·m')}"
     return Reading(100.0 * beyond_nm / reference_nm, words)
+
+
+def zeroes_shown_nm(found: Measured, figures: SensorFigures) -> dict[TorqueChannel, float]:
+    """Return how far off the torque zeroes can be that the lines show, N·m: of those beyond what is declared of them.
+
+    A sensor that moves after its tare, or in the middle of it, is off by all of that or by a part. The zeroes after the
+    run need not show it: friction stands on the sensor then. Of a locked input, and of stored lines, nothing is known.
+    Friction without load that differs between the directions moves the mean of both by half of that.
+    """
+    trace = found.trace
+    if found.method.loading == "output" or trace.torque_in_nm is None or trace.torque_out_nm is None:
+        return {}
+    shown = shown_lines(found)
+    if isinstance(shown, str):
+        return {}
+    lines, _ = shown
+    told: dict[TorqueChannel, tuple[Told | None, float]] = {
+        "torque_out_nm": (lines.zero_nm, 0.0),
+        "torque_in_nm": (lines.zero_in_nm, FRICTION_DIFFERS / 2.0 * lines.idle_nm),
+    }
+    off = {}
+    for name, (zero, besides_nm) in told.items():
+        declared_nm = figures.zero_nm(name)
+        if zero is None or declared_nm is None:
+            continue
+        unsure_nm = zero.expanded + besides_nm
+        if math.isfinite(unsure_nm) and abs(zero.value) > declared_nm + unsure_nm:
+            off[name] = abs(zero.value) + unsure_nm
+    return off
 
 
 def _known(unsure: float, unit: str) -> str:

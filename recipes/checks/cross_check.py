@@ -43,7 +43,7 @@ from recipes.checks.ratings import (
 from recipes.checks.sweep import check_sweep
 from recipes.schema.bench_schema import Bench
 from recipes.schema.recipe_schema import Recipe
-from recipes.text.problems import Problem, one_of, place
+from recipes.text.problems import NO_VALUE, Problem, one_of, place
 
 Check = Callable[[Recipe, Bench], Iterator[Finding]]
 
@@ -130,7 +130,7 @@ def _empty_options(recipe: Recipe) -> Iterator[Finding]:
     Refused here and not when a recipe is read: records have such recipes, and go on opening.
     """
     for option in recipe.empty_options():
-        yield Finding(option, "nothing", "a value", "Write it, or delete the option.")
+        yield Finding(option, *NO_VALUE)
 
 
 def _other_side(recipe: Recipe, bench: Bench) -> Iterator[Finding]:

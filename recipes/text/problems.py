@@ -112,6 +112,10 @@ class Mark(NamedTuple):
     name_column: int
 
 
+NO_VALUE = ("nothing", "a value", "Write it, or delete the option.")
+"""What is found, allowed and to be done of an option that is written with nothing behind it."""
+
+
 @dataclass(frozen=True)
 class Source:
     """A read document: plain data, where everything stands, and what is wrong with its form."""
@@ -134,6 +138,12 @@ class Source:
     def empty_options(self) -> Iterator[OptionPath]:
         """Yield the options that are written with nothing behind them."""
         return _empty(self.data, ())
+
+    def refuse_empty_options(self) -> None:
+        """Raise RecipeError for options with nothing behind them; not for the copies of records, which open as ever."""
+        problems = [self.problem(option, *NO_VALUE) for option in self.empty_options()]
+        if problems:
+            raise RecipeError(problems)
 
     def problem(
         self, option: OptionPath, found: str, allowed: str, hint: str = "", *, at_name: bool = False

@@ -28,6 +28,7 @@ from recipes import (
     find_recipe,
     parse_bench,
     parse_recipe,
+    parse_written_bench,
     read_bytes,
     warnings,
 )
@@ -285,6 +286,13 @@ def trace_file(name: str) -> Path | None:
     return None
 
 
+def _written(path: Path) -> Source:
+    """Read a bench file that is no copy in a record, and so has nothing left empty."""
+    source = Source.read(path)
+    parse_written_bench(source.content, str(path))
+    return source
+
+
 def _bench_file(name: str | None, recipe: Recipe | None) -> Path:
     """Return the file of the bench that was named, or of the one that this recipe runs on."""
     if name is None and recipe is not None:
@@ -334,7 +342,7 @@ def load_job(recipe_name: str | Source, bench_name: str | None, day: date | None
     """
     job = _loaded(
         lambda: recipe_name if isinstance(recipe_name, Source) else Source.read(find_recipe(recipe_name)),
-        lambda recipe: None if bench_name is None and recipe is None else Source.read(_bench_file(bench_name, recipe)),
+        lambda recipe: None if bench_name is None and recipe is None else _written(_bench_file(bench_name, recipe)),
         day,
     )
     _check_parts(job)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from analysis.evaluation.guard_band import Risks, normal_process, risks
+from analysis.evaluation.guard_band import Measured, Risks, normal_process, risks_of_each
 from analysis.evaluation.verdict import Verdict, check_limits, judge, worst
 from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
@@ -35,7 +35,7 @@ LEAST_VALUES = 10
 
 
 class Spread(NamedTuple):
-    """Mean and true standard deviation of a process, and u of its values; nan where it is not known."""
+    """Mean and true standard deviation of a process, and the root mean square u of its values; nan: not known."""
 
     mean: float
     sd_process: float
@@ -247,21 +247,25 @@ def side_risks(
 
 
 def _risks_of(rows: Sequence[ValueRow], rule: Rule) -> tuple[Spread, Risks | None, str]:
-    """Return the process that values are of and its risks under a rule, or why there are none."""
-    expanded = [row.uncertainty for row in rows if row.uncertainty is not None]
-    uncertain = [row.uncertainty / (row.coverage_factor or USUAL.factor) for row in rows if row.uncertainty is not None]
+    """Return the process that values are of, and its risks under a rule with u and U of each value, or why none."""
+    guard_factor = rule.guard_factor or 0.0
+    measured = [
+        Measured(row.uncertainty / (row.coverage_factor or USUAL.factor), guard_factor * row.uncertainty)
+        for row in rows
+        if row.uncertainty is not None
+    ]
     numbers = [row.value for row in rows]
     mean = sum(numbers) / len(numbers) if numbers else math.nan
-    if len(numbers) < LEAST_VALUES or len(uncertain) < len(numbers):
+    if len(numbers) < LEAST_VALUES or len(measured) < len(numbers):
         return Spread(mean, math.nan, math.nan), None, f"needs {LEAST_VALUES} values with U"
     variance = sum((one - mean) ** 2 for one in numbers) / (len(numbers) - 1)
-    u, whole = (math.sqrt(sum(one**2 for one in some) / len(some)) for some in (uncertain, expanded))
+    u = math.sqrt(sum(one.u**2 for one in measured) / len(measured))
     if not variance > u**2 > 0.0:
         return Spread(mean, math.nan, u), None, "the values scatter no more than U explains"
     found = Spread(mean, math.sqrt(variance - u**2), u)
     try:
         process = normal_process(mean, found.sd_process)
-        return found, risks(process, rule.limit_min, rule.limit_max, u, whole * (rule.guard_factor or 0.0)), ""
+        return found, risks_of_each(process, rule.limit_min, rule.limit_max, measured), ""
     except AnalysisError as error:
         return found, None, str(error)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from recipes import Recipe
+from recipes import Recipe, RecipeError, check_alone
 from station.errors import StationError
 from station.quality.limits_trial import Tried, limits_trial, recipe_of
 from station.quality.recipe_change import place_of
@@ -37,7 +37,13 @@ class TextTrial(NamedTuple):
 
 
 def text_trial(production: Production, recipe: Recipe) -> TextTrial:
-    """Try the limits of a text on the newest valid first attempts of its recipe: real units, else virtual ones."""
+    """Try the limits of a text on the newest valid first attempts of its recipe: real units, else virtual ones.
+
+    RecipeError for limits that none can fail or meet, and options without a value: what they do to runs means nothing.
+    """
+    idle = check_alone(recipe)
+    if idle:
+        raise RecipeError(idle)
     lot = _lot_of(production, recipe.recipe.name)
     if lot is None:
         return TextTrial(None)

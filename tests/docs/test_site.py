@@ -118,3 +118,14 @@ def test_the_search_for_commands_finds_them_and_what_is_wrong() -> None:
     assert "no command quallity" in wrong_with("lostmotion quallity yield")
     assert "no command yeild" in wrong_with("lostmotion quality yeild --by month")
     assert "no option --serials" in wrong_with("lostmotion run R --serials SN")
+
+
+OF_REAL_UNITS = [
+    page for page in PAGES if page.parent.name == "howto" and "lostmotion quality " in page.read_text("utf-8")
+]
+
+
+@pytest.mark.parametrize("page", OF_REAL_UNITS, ids=lambda page: page.stem)
+def test_a_how_to_whose_commands_pass_over_virtual_units_says_how_they_are_asked(page: Path) -> None:
+    """Whoever comes from the tutorial has no others, and every command of quality is refused without it."""
+    assert re.search(r"`--virtual`.*tutorial\.md|tutorial\.md.*`--virtual`", page.read_text("utf-8"))

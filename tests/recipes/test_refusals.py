@@ -256,6 +256,7 @@ class Wire(BaseModel):
     colour: Colour = Colour.RED
     scale: float = Field(default=1.0, gt=0)
     parts: tuple[Wire, ...] = ()
+    tag: str | None = None
     names: dict[str, int] = Field(default_factory=dict)
 
 
@@ -277,6 +278,10 @@ def test_models_of_other_packages(tmp_path):
         strict=True,
     ):  # fmt: skip
         assert words in line
+    path.write_text("index: 1\nparts:\n  - {index: 1, tag: }\ntag:\n")
+    with pytest.raises(RecipeError) as caught:
+        load_document(path, Wire)
+    assert [one.option for one in caught.value.problems] == ["parts[0].tag", "tag"], "a value was meant"
 
 
 def test_a_decimal_comma_in_a_section_of_one_line_is_told_as_one() -> None:

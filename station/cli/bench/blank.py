@@ -14,7 +14,7 @@ from analysis.trace.trace_files import read_trace
 from recipes import Bench, Recipe, find_bench, load_bench, load_recipe
 from station.bench.request import trace_file
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
-from station.cli.bench.usable_runs import check_measured, check_recorded, usable
+from station.cli.bench.usable_runs import check_measured, check_recorded, check_same_bench, usable
 from station.cli.runs.evaluate_anew import method_without_run
 from station.documents.entries import plain
 from station.documents.result import Result
@@ -69,15 +69,15 @@ def blank(
     Args:
         trace: stored run, or a CSV, Parquet or TDMS file.
         recipe: how a file was loaded; a run has its own.
-        bench: bench that a file comes from.
+        bench: bench file of the bench that a file or a run comes from; a run has its own.
         data: folder of the runs.
         name: id of the blank test.
         due: day on which it is to be repeated, a year later by default.
         as_json: JSON instead of YAML.
 
     Raises:
-        StationError, RecipeError, AnalysisError: what cannot be read or may not be used, or a trace without a whole
-            loop.
+        StationError, RecipeError, AnalysisError: what cannot be read or may not be used, a bench that is another
+            one than that of the run, or a trace without a whole loop.
 
     """
     source, made, method_recipe, method_bench, label = _source(trace, recipe, bench, data)
@@ -103,12 +103,12 @@ def _source(
             )
         own = None if bench is None else load_bench(find_bench(bench))
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
-        return _of_file(path), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
+        return _of_file(path, own), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
     run = Store(data).find(trace)
     return _of_run(run, recipe, bench)
 
 
-def _of_file(path: Path) -> Trace:
+def _of_file(path: Path, bench: Bench | None) -> Trace:
     """Return the trace of a file; of an export, only where its run may be used and the trace is still its own."""
     trace = read_trace(path)
     origin = origin_of(path, trace)
@@ -116,6 +116,8 @@ def _of_file(path: Path) -> Trace:
         return trace
     origin.check_complete()
     check_measured(str(path), origin.run)
+    if bench is not None:
+        check_same_bench(str(path), origin.run, bench)
     objections = [*origin.objections, *(["the trace in the file is not the run's"] if origin.changed else [])]
     if objections:
         raise StationError(f"{path} was not used: {objections[0]}. Export the run again")
@@ -130,6 +132,7 @@ def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trac
     check_recorded(f"run {run.id}", manifest.verdict, run.read(Result, RESULT).reasons)
     own = load_recipe(run.folder / RECIPE_COPY if recipe is None else recipe)
     where = load_bench(run.folder / BENCH_COPY if bench is None else find_bench(bench))
+    check_same_bench(f"run {run.id}", manifest, where)
     segments = StoredProgram.of(run).segments
     trace = trace_of(read_samples(run), segments, where, manifest.period_ns, run.id)
     made = day_of(manifest.started)

@@ -139,7 +139,9 @@ def blank(
     ] = None,
     bench: Annotated[
         str | None,
-        typer.Option("--bench", metavar="FILE", help="Bench file of the bench on which the file was recorded."),
+        typer.Option(
+            "--bench", metavar="FILE", help="Bench file of the bench on which the file was recorded; of no other one."
+        ),
     ] = None,
     name: Annotated[
         str | None,

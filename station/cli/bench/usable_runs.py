@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 from analysis.validity import record_checks
 from definitions.checks import CHECKS
+from recipes import Bench
 from station.documents.exported import ExportedRun
 from station.documents.manifest import Manifest
 from station.errors import StationError
@@ -45,6 +46,15 @@ def check_measured(what: str, run: Manifest | ExportedRun) -> None:
         )
     if run.scenario:
         raise StationError(f"{what} was not used: faults were injected on purpose ({run.scenario}). Choose another run")
+
+
+def check_same_bench(what: str, run: Manifest | ExportedRun, bench: Bench) -> None:
+    """Refuse the bench file of another bench than the run was measured on: the block would be of neither."""
+    if bench.bench.name != run.bench.name:
+        raise StationError(
+            f"{what} was not used: it was measured on bench {run.bench.name}; --bench: found bench {bench.bench.name}. "
+            f"Name the bench file of {run.bench.name}, or leave --bench out"
+        )
 
 
 def check_recorded(what: str, verdict: str | None, reasons: Sequence[str]) -> None:

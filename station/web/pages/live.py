@@ -33,6 +33,10 @@ LOOK_EVERY_S = 0.08
 """The newest point is at most this old, and what it takes to read, send and draw it."""
 
 
+READ_AGAIN_S = (2.0, 10.0, 60.0)
+"""After how long a loop is read again that could not be read: the evaluating process was busy, or had ended."""
+
+
 class Looks:
     """Looks at the bench that every open page waits for; none is made while no page is open."""
 
@@ -40,9 +44,11 @@ class Looks:
         self._station = station
         self._look: asyncio.Task[tuple[Now, Points]] | None = None
         self._at_s = 0.0
-        self._stored: asyncio.Task[Points] | None = None
+        self._stored: asyncio.Task[Points | None] | None = None
         self._stored_of = ""
         """The run whose loop is read from its record, or was."""
+        self._pauses: list[float] = []
+        """What is left of `READ_AGAIN_S` for it."""
 
     async def next(self) -> tuple[Now, Points]:
         """Return what the bench does at the next look, with its loop, to all who wait for it at once."""
@@ -62,15 +68,23 @@ class Looks:
         if now.stage != ENDED or now.result is None or now.altered:
             return ()
         if now.run != self._stored_of:
-            self._stored_of, self._stored = now.run, asyncio.create_task(asyncio.to_thread(self._read, now.run))
-        return self._stored.result() if self._stored is not None and self._stored.done() else ()
+            self._stored_of, self._pauses = now.run, list(READ_AGAIN_S)
+            self._stored = asyncio.create_task(self._read_after(0.0, now.run))
+        found = self._stored.result() if self._stored is not None and self._stored.done() else ()
+        if found is None and self._pauses:
+            self._stored = asyncio.create_task(self._read_after(self._pauses.pop(0), now.run))
+        return found or ()
 
-    def _read(self, run: str) -> Points:
-        """Read the loop of a run, which takes seconds; nothing where its record does not allow it."""
+    async def _read_after(self, pause_s: float, run: str) -> Points | None:
+        await asyncio.sleep(pause_s)
+        return await asyncio.to_thread(self._read, run)
+
+    def _read(self, run: str) -> Points | None:
+        """Read the loop of a run, which takes seconds; None where it cannot be read now."""
         # Whoever opens the run is told what is wrong with its record; here it is not drawn.
         with suppress(StationError, OSError, RuntimeError, CancelledError):
             return drawn_points(self._station.evaluations.loop(RunRecord(self._station.data / run)))
-        return ()
+        return None
 
 
 def drawn_points(curves: LoopCurves) -> Points:

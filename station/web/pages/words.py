@@ -60,8 +60,17 @@ TOLD_ATTEMPTS = re.compile(r"This unit was measured .*?\((?P<told>attempt .+)\)[
 
 MEASURED_AGAIN = "measured again: "
 
-LIMIT_REASON = re.compile(r"(?P<found>.+) is (?P<where>above|below) the limit of (?P<limit>.+?): (?P<meaning>.+)")
-"""The reason of a metric out of its limits, as the evaluation writes it."""
+LIMIT_REASON = re.compile(
+    r"(?P<found>.+) is (?P<where>above|below|too near to) the limit of (?P<limit>.+?)"
+    r"(?: for its uncertainty of (?P<uncertainty>.+?))?: (?P<meaning>.+)"
+)
+"""The reason of a metric out of its limits or too near to one, as the evaluation writes it."""
+
+SPREAD_REASON = re.compile("; (?=standard deviation over the cycles |a standard deviation needs )")
+"""Where the reason of a metric goes on with that of its standard deviation."""
+
+PLACES = re.compile(r"(?<=a ramp was interrupted \().+(?=\); )")
+"""Where ramps were interrupted, in the reason of a k of its own."""
 
 
 def attempts_said(text: str, say: Words) -> str:
@@ -91,11 +100,17 @@ def _attempt_said(part: str, say: Words) -> str:
 
 def reason_said(text: str, say: Words) -> str:
     """Return a reason of a verdict in a language: figures and the name of the metric stay, what it means does not."""
+    return "; ".join(_limit_said(part, say) for part in SPREAD_REASON.split(text))
+
+
+def _limit_said(text: str, say: Words) -> str:
     found = LIMIT_REASON.fullmatch(text)
     if found is None:
         return say(text)
-    said = f"{{found}} is {found['where']} the limit of {{limit}}: {{meaning}}"
-    return say(said, found=found["found"], limit=found["limit"], meaning=say(found["meaning"]))
+    doubt = "" if found["uncertainty"] is None else " for its uncertainty of {uncertainty}"
+    said = f"{{found}} is {found['where']} the limit of {{limit}}{doubt}: {{meaning}}"
+    meaning = say(PLACES.sub(lambda places: "; ".join(map(say, places[0].split("; "))), found["meaning"]))
+    return say(said, **{**found.groupdict(), "meaning": meaning})
 
 
 def left_said(left: LeftState, say: Words) -> str:

@@ -10,7 +10,8 @@ import pytest
 
 import recipes.text.yaml_source
 from definitions.protections import BY_NAME, NOT_TRIED, UNPROVEN, missing_text
-from recipes import RecipeError, find_bench, load_recipe
+from recipes import RecipeError, find_bench, load_bench, load_recipe
+from recipes.text.problems import NO_VALUE
 from station.atomic_file import as_json
 from station.bench.request import DRIVER_PROFILES, load_job
 from station.records.program_file import plain_program, program_differences
@@ -49,6 +50,17 @@ def test_a_recipe_edited_between_two_reads_cannot_be_half_old_half_new(
     assert len(reads) == len(set(reads))
     assert job.recipe_source.content == RECIPE.read_bytes()
     assert job.recipe.sequence == load_recipe(RECIPE).sequence
+
+
+def test_an_option_of_a_bench_with_nothing_behind_it_is_refused_and_a_record_that_has_one_opens(tmp_path: Path) -> None:
+    bench, text = tmp_path / "bench.yaml", find_bench("virtual").read_text(encoding="utf-8")
+    bench.write_text(text.replace("bench:\n", "bench:\n  public_key:\n", 1), encoding="utf-8")
+    with pytest.raises(RecipeError) as refused:
+        load_job(str(RECIPE), str(bench))
+    (problem,) = refused.value.problems
+    assert (problem.path, problem.line, problem.option) == (str(bench), 4, "bench.public_key")
+    assert (problem.found, problem.allowed, problem.hint) == NO_VALUE
+    assert load_bench(bench).bench.public_key is None
 
 
 def test_profiles_are_checked_before_anything_starts(tmp_path: Path) -> None:

@@ -183,6 +183,26 @@ def test_a_run_that_says_nothing_of_its_bench_is_no_block_of_a_bench_file(
             command(*one)
 
 
+@pytest.mark.parametrize("export", [False, True])
+def test_a_blank_test_takes_the_bench_file_of_its_own_bench_only(
+    quick_run: Any, tmp_path: Path, *, export: bool
+) -> None:
+    copy_of(quick_run.record, tmp_path)
+    data, text = ("--data", str(tmp_path)), shipped_benches()["virtual"].read_text(encoding="utf-8")
+    own, other = tmp_path / "own.yaml", tmp_path / "other.yaml"
+    own.write_text(text, encoding="utf-8")
+    other.write_text(re.sub(r"(?m)^  name: .*$", "  name: another", text, count=1), encoding="utf-8")
+    assert load_bench(other).bench.name == "another"
+    source = "last"
+    if export:
+        source = str(tmp_path / "dummy.parquet")
+        here("export", "last", "--format", "parquet", "--out", source, *data)
+    asked = ("blank", source, "--recipe", str(RECIPE), *data)
+    assert "curve:" in command(*asked, "--bench", str(own))
+    with pytest.raises(StationError, match="measured on bench"):
+        command(*asked, "--bench", str(other))
+
+
 def test_a_blank_test_that_is_no_reducer_is_used_and_told_of(
     quick_run: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -44,6 +44,27 @@ def moved(nm: float) -> Spoil:
     return spoil
 
 
+def moved_in(nm: float) -> Spoil:
+    """The input torque reads so much more from the first load on, to the end."""
+
+    def spoil(table: Table) -> None:
+        first = int(np.flatnonzero(np.isin(table["orders"]["state"], sorted(LOADED)))[0])
+        table["image"]["torque_in_nm"][first:] += nm
+
+    return spoil
+
+
+def within_tare(nm: float) -> Spoil:
+    """The output torque reads so much more from the middle of the tare on: the zero has half of it."""
+
+    def spoil(table: Table) -> None:
+        moved(nm)(table)
+        zero = table["orders"]["torque_out_tare_nm"]
+        zero += nm / 2.0
+
+    return spoil
+
+
 def without(table: Table) -> None:
     """As recorded before the zeroes were read again."""
     table["orders"]["phase"][table["orders"]["state"] == State.COMPLETE] = 0
@@ -72,3 +93,24 @@ def test_what_a_zero_moved_beyond_friction_is_in_the_uncertainty(quick_run) -> N
     names = [{row.quantity for row in one.metrics[0].sides[0].budget.rows} for one in (still, off)]
     assert "torque_out_zero_moved" not in names[0]
     assert "torque_out_zero_moved" in names[1]
+
+
+@pytest.mark.parametrize(
+    ("spoil", "row"),
+    [
+        (moved(-0.8), "torque_out_zero_shown"),
+        (within_tare(-2.14), "torque_out_zero_shown"),
+        (moved_in(0.011), "torque_in_zero_shown"),
+    ],
+)
+def test_a_zero_that_loading_and_unloading_show_is_in_the_uncertainty(quick_run, spoil: Spoil, row: str) -> None:
+    # Friction at rest hides such a zero from its second reading, and it is within the limit of `torque_out_zero`.
+    still, off = (judged(RunRecord(quick_run.record), one) for one in (moved(0.0), spoil))
+    assert all(check.passed is not False for check in off.checks)
+    wanted = "torque_ratio_offset"
+    true, found = (next(one for one in run.metrics if one.definition.id == wanted) for run in (still, off))
+    names = [{part.quantity for side in one.sides for part in side.budget.rows} for one in (true, found)]
+    assert row not in names[0]
+    assert row in names[1]
+    for one, other in zip(true.sides, found.sides, strict=True):
+        assert abs(one.value - other.value) < float(np.hypot(one.uncertainty, other.uncertainty))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from dataclasses import astuple
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ import pytest
 from lostmotion_command import here
 from stored_runs import metric, store_run
 
+from analysis.evaluation.guard_band import normal_process, risks
 from analysis.evaluation.verdict import Verdict, judge, worst
 from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
@@ -212,6 +214,45 @@ def test_of_an_interrupted_run_u_is_a_third_of_what_is_stated() -> None:
     usual, other = (side_risks("+", some, Rule(None, 1.0, None), Rule(None, 1.0, 1.0)) for some in (rows, held))
     assert (other.u, other.sd_process) == pytest.approx((usual.u, usual.sd_process))
     assert (usual.after.guard, other.after.guard) == pytest.approx((0.04, 0.06))
+
+
+def drawn(stated: list[tuple[float, float]]) -> list[ValueRow]:
+    """Values of a normal process, each with the U and the k that are stated for it."""
+    values = np.random.default_rng(2).normal(0.9, 0.06, len(stated))
+    return [ValueRow(f"R{n}", "U", "", "", float(values[n]), u, k) for n, (u, k) in enumerate(stated)]
+
+
+def integrated(mean: float, sd: float, u: float, guard: float, limit: float) -> tuple[float, float]:
+    """Accepted wrongly and rejected wrongly under an upper limit, of values measured alike."""
+    true, step = np.linspace(mean - 9.0 * sd, mean + 9.0 * sd, 40_001, retstep=True)
+    share = np.exp(-0.5 * ((true - mean) / sd) ** 2) / (sd * math.sqrt(2.0 * math.pi)) * step
+    accepted = np.array([0.5 * math.erfc((one - (limit - guard)) / (u * math.sqrt(2.0))) for one in true])
+    return float(np.sum((share * accepted)[true > limit])), float(np.sum((share * (1.0 - accepted))[true <= limit]))
+
+
+def test_risks_are_the_mean_of_those_of_each_run_by_its_own_u() -> None:
+    stated = [(0.01, 2.0)] * 12 + [(0.04, 2.0)] * 5 + [(0.2, 3.0)] * 3
+    rows, rule = drawn(stated), Rule(None, 1.0, 0.9)
+    found = side_risks("+", rows, Rule(None, 1.0, None), rule)
+    mean, variance = (float(how([row.value for row in rows])) for how in (np.mean, lambda some: np.var(some, ddof=1)))
+    sd = math.sqrt(variance - sum((u / k) ** 2 for u, k in stated) / len(stated))
+    for told, factor in ((found.before, 0.0), (found.after, 0.9)):
+        each = [integrated(mean, sd, u / k, factor * u, 1.0) for u, k in stated]
+        assert (told.false_accept, told.false_reject) == pytest.approx(np.mean(each, axis=0), abs=2e-5)
+    pooled = math.sqrt(sum(u**2 for u, _ in stated) / len(stated))
+    assert found.after.false_reject < integrated(mean, sd, found.u, 0.9 * pooled, 1.0)[1] - 0.05
+
+
+def test_of_equal_u_and_where_one_leaves_no_room_between_limits() -> None:
+    rows = drawn([(0.04, 2.0)] * 20)
+    alike = side_risks("+", rows, Rule(0.7, 1.0, None), Rule(0.7, 1.0, 1.0))
+    process = normal_process(alike.mean, alike.sd_process)
+    for found, guard in ((alike.before, 0.0), (alike.after, 0.04)):
+        assert astuple(found) == pytest.approx(astuple(risks(process, 0.7, 1.0, 0.02, guard)))
+    wide = side_risks("+", drawn([(0.04, 2.0)] * 19 + [(0.16, 2.0)]), Rule(0.7, 1.0, None), Rule(0.7, 1.0, 1.0))
+    assert wide.after.false_reject > 0.05 * (1.0 - wide.after.outside), "the one of U = 0.16 is never accepted"
+    none = side_risks("+", drawn([(0.04, 2.0)] * 20), Rule(0.7, 1.0, None), Rule(0.7, 1.0, 4.0))
+    assert "no accepted value is left" in none.why
 
 
 def test_a_lot_whose_recipe_cannot_be_read_is_refused(folder: Path) -> None:

@@ -5,16 +5,24 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+from dataclasses import replace
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
 from test_start_permission import cases
 
+from analysis.evaluation.evaluate import _because, judged_spread
+from analysis.evaluation.metric_result import SideValue
+from analysis.evaluation.verdict import Verdict
+from analysis.uncertainty import left_open
+from analysis.uncertainty.budget import Budget, BudgetRow
+from analysis.uncertainty.scatter import COVERAGES, coverage_of
 from definitions.faults import FAULT_BY_NUMBER, Fault
 from definitions.image import State
 from definitions.jog import PHASES
 from definitions.metrics import METRICS
 from definitions.states import row_of
+from recipes import MetricWanted
 from station.documents.manifest import INJECTED, SIMULATED
 from station.records.clocks import CLOCK_TEXTS
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
@@ -240,6 +248,35 @@ def test_what_a_metric_out_of_its_limits_means_is_said_in_each_language(language
             assert "1.2 arcmin" in said
             assert meaning not in said, meaning
             assert where not in said
+
+
+GAIN = "gain of the output torque sensor"
+PLACES = [f"cycle {n}, {branch} branch, 1 to 2 N·m" for n in range(1, 4) for branch in ("rising", "falling")]
+BUDGETS = [
+    Budget((), 0.1, "budget"),
+    *(
+        Budget((BudgetRow(name, GAIN, "normal", 1.0, "1", 1.0, 0.1, 1.0),), 0.1, "budget")
+        for name in ("x", left_open.OPEN)
+    ),
+    Budget((), 0.1, "budget", coverage=COVERAGES["interrupted"]),
+    *(Budget((), 0.1, "budget", coverage=coverage_of(PLACES, holds)) for holds in (None, 0, 1, 2)),
+    Budget((), 0.1, "budget", coverage=coverage_of([], 2)),
+]
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_reason_of_a_metric_is_in_one_language(language: str) -> None:
+    """A contribution alone is named as in the report, and quoted."""
+    row, wanted = METRICS["lost_motion"], MetricWanted(id="lost_motion", max=1.0, max_standard_deviation=0.1)
+    texts = [f"lost_motion: {_because(wanted, 0.99, one, Verdict.NOT_DECIDABLE, 'max', '')}" for one in BUDGETS]
+    beyond = f"lost_motion: {_because(wanted, 2.0, BUDGETS[0], Verdict.FAIL, 'max', '')}"
+    fail = SideValue("both", 2.0, 0.1, 0.2, (1.0, 3.0), Verdict.FAIL, beyond)
+    found = (fail, replace(fail, reason=""), replace(fail, standard_deviation=None, per_cycle=(1.0,)))
+    texts += (judged_spread(wanted, row, one, invalid=False).reason for one in found)
+    for text in texts:
+        said = reason_said(text, words_of(language)).replace(GAIN, "")
+        assert said.startswith("lost_motion")
+        assert not re.search(r"\b(is|the|than|or|to|measure|ramp|branch|hold|ordered|cycles|above|needs)\b", said), said
 
 
 def test_a_reason_of_a_failed_metric_is_said_in_both_forms() -> None:

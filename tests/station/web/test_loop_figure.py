@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import pytest
 from made_documents import metric
@@ -10,10 +14,13 @@ from made_documents import metric
 from analysis.loop.method import Method
 from analysis.metrics.estimators import LSQ_BAND, SECANT_BAND
 from definitions.metrics import METRICS
+from station.errors import StationError
 from station.reports.loop_curves import Line, LoopCurves
 from station.reports.metric_torques import torque_spans
-from station.web.pages.live import LIFTED, drawn_points
+from station.web.pages import live
+from station.web.pages.live import LIFTED, Looks, drawn_points
 from station.web.pages.loop_figure import Drawn, Marked, close_range, loop_figure, stiffness_figure
+from station.web.running import ENDED
 
 METHOD = Method(ratio=121.0, rated_torque_nm=400.0)
 
@@ -125,3 +132,31 @@ def test_a_stored_loop_is_drawn_without_a_line_from_one_branch_to_the_next() -> 
     assert found[3:6] == ((400.0, 4.0), LIFTED, (-400.0, -4.0))
     assert found[-1] == (400.0, None)
     assert drawn_points(replace(CURVES, loop=())) == ()
+
+
+@pytest.mark.parametrize(("failing", "drawn", "asked"), [(1, True, 2), (99, False, 4)])
+def test_a_loop_that_could_not_be_read_is_read_again_a_few_times(
+    monkeypatch: pytest.MonkeyPatch, failing: int, asked: int, *, drawn: bool
+) -> None:
+    monkeypatch.setattr(live, "READ_AGAIN_S", (0.0, 0.0, 0.0))
+    monkeypatch.setattr(live, "LOOK_EVERY_S", 0.002)
+    reads: list[object] = []
+
+    def loop(run: object) -> Any:
+        reads.append(run)
+        if len(reads) <= failing:
+            raise StationError("The server is busy with other reports.")
+        return SimpleNamespace(loop=(SimpleNamespace(torque_nm=(1.0,), values=(2.0,)),))
+
+    now = SimpleNamespace(stage=ENDED, result=object(), altered=(), run="R1", loop=())
+    station = SimpleNamespace(
+        data=Path(), running=SimpleNamespace(now=lambda: now), evaluations=SimpleNamespace(loop=loop)
+    )
+
+    async def looked() -> list[live.Points]:
+        looks = Looks(cast("Any", station))
+        return [(await looks.next())[1] for _ in range(60)]
+
+    found = asyncio.run(looked())
+    assert (found[0], found[-1]) == ((), ((1.0, 2.0),) if drawn else ())
+    assert len(reads) == asked

@@ -5,9 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
+import pytest
 from stored_runs import metric, store_run
 
-from recipes import find_recipe
+from recipes import RecipeError, find_recipe
 from station.web.pages.quality.made import page_text_trial
 from station.web.pages.recipes.dry_run_html import dry_run_html, text_trial_html
 from station.web.recipe_text.dry_run import IDLE, DryRun
@@ -44,6 +45,14 @@ def test_limits_of_a_text_are_tried_on_the_runs_that_are_there(tmp_path: Path) -
     assert f"recipe={RECIPE}" in html
     assert f"max={LIMIT}" in html
     assert f"{one.would_fail} would fail" in html
+
+
+@pytest.mark.parametrize("limit", ["max: null", "min: 0 arcmin"])
+def test_a_limit_that_decides_nothing_is_refused_and_not_tried(tmp_path: Path, limit: str) -> None:
+    store_lot(tmp_path)
+    text = find_recipe(RECIPE).read_text("utf-8")
+    with pytest.raises(RecipeError, match=r"metrics\[0\]"):
+        page_text_trial(tmp_path, text.replace(WRITTEN, limit).encode())
 
 
 def test_without_runs_there_is_nothing_to_try_on(tmp_path: Path) -> None:

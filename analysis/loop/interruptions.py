@@ -60,11 +60,10 @@ sixteenth of it."""
 AT_ZERO = 0.01
 """Share of the torque of a branch on each side of zero within which the unit goes over from unloading to loading."""
 
-GOES_OVER_S = 0.04
+GOES_OVER_S = 0.067
 """Time of the ramp that this costs, less than that [s]. From there on the input needs more torque for the same advance,
-and what follows with 15/s, as the torque law of a bench does, is behind by 67 ms of the share by which the two lines
-differ, 0.4 of an RV-40E. Sound and worn units cost 4 to 22 ms at 120 N·m/s, and up to 34 ms at 60 N·m/s. A rest costs
-as much again as it lasts."""
+and what follows with 15/s, as the torque law of a bench does, is behind by its time of 67 ms at most. Sound and worn
+units cost 4 to 22 ms at 120 N·m/s, and 17 to 50 ms at 60 N·m/s. A rest costs as much again as it lasts."""
 
 RUNS_AHEAD = 6
 """Blocks in which the torque may run ahead through the play before it waits for its ramp: so much time is not lost."""

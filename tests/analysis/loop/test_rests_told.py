@@ -17,12 +17,13 @@ SOUND, WORN = ReferenceUnit(), ReferenceUnit(j=0.35, f_c=26.0)
 CROSSINGS: dict[str, tuple[tuple[float, float], ...]] = {
     "even": (),
     "slows": ((0.028, 0.8),),
+    "slows long": ((0.07, 1.8),),
     "runs ahead": ((0.012, 6.0), (0.06, 0.6)),
     "goes back": ((0.012, 8.0), (0.028, -5.0)),
 }
 """What the torque does from zero on, before the ramp goes on: parts of so many seconds and N·m."""
 
-OWN = ("slows", "runs ahead")
+OWN = ("slows", "slows long", "runs ahead")
 """What units of the virtual bench do by themselves, where a ramp by torque takes them over zero at 120 N·m/s."""
 
 
@@ -83,7 +84,7 @@ LEVELS = (
 
 
 @pytest.mark.parametrize("noise_nm", [0.0, 0.2])
-@pytest.mark.parametrize("rest_s", [0.06, 0.2, 1.0, 5.0, 20.0])
+@pytest.mark.parametrize("rest_s", [0.08, 0.2, 1.0, 5.0, 20.0])
 @pytest.mark.parametrize("unit", [SOUND, WORN], ids=["sound", "worn"])
 def test_a_rest_is_told_wherever_it_is(unit: ReferenceUnit, rest_s: float, noise_nm: float) -> None:
     """Before, in and after the play too, whatever the torque does there, and if it takes most of the time."""

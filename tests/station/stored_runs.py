@@ -11,14 +11,19 @@ from typing import Any
 
 from station_samples import SETUP
 
+from station.cli.line.stored_metric import Ask
 from station.documents.entries import plain
 from station.documents.manifest import RecipeSource, StudyPlace, Unit
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import seal
+from station.store.table_counts import all_rows
+from station.store.view import look_at
 
 BENCH_TEXT = b"bench: {name: b, revision: 1, embedded: true}\n"
 START = datetime(2026, 1, 5, 8, tzinfo=UTC)
+ASK = Ask("lost_motion", recipe="inverse")
+"""Asks for the values of the runs of `store_lot`."""
 
 
 def recipe_text(name: str, revision: int) -> bytes:
@@ -114,3 +119,9 @@ def store_lot(data: Path) -> Path:
     store_run(data, "U7", [metric(None)])
     store_run(data, "U8", [metric(9.0)], recipe="other")
     return data
+
+
+def rows_in(data: Path) -> dict[str, list[tuple[Any, ...]]]:
+    """Bring the store of a data folder up, and return its rows by table."""
+    with look_at(data) as view:
+        return all_rows(view.database, view.chain)

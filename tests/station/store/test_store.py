@@ -7,7 +7,6 @@ import hashlib
 import os
 import shutil
 import signal
-import sqlite3
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -17,7 +16,7 @@ import pytest
 from lostmotion_command import here
 from sqlalchemy import Connection, inspect, text
 from station_samples import SETUP
-from stored_runs import BENCH_TEXT, metric, recipe_text, store_lot, store_run
+from stored_runs import ASK, BENCH_TEXT, metric, recipe_text, rows_in, store_lot, store_run
 
 import station.store.migrations.versions
 from analysis.trace.errors import AnalysisError
@@ -25,7 +24,6 @@ from station.atomic_file import seen_text
 from station.cli.line.stored_metric import Ask
 from station.cli.line.stored_values import stored_values
 from station.cli.runs.list_runs import NEWEST, list_rows
-from station.errors import StationError
 from station.quality.dfq.write import dfq_of_lot
 from station.quality.figures import capability_of, causes_of, trend_of, yield_of
 from station.records.chain.chain_file import CHAIN, Chain
@@ -36,9 +34,9 @@ from station.records.seal import sealed_names
 from station.run.run_list import row
 from station.store import tables
 from station.store import view as view_of
-from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
+from station.store.engine import HEAD, VERSIONS, Database, upgrade
 from station.store.outbox import catch_up, rebuild, remove_runs
-from station.store.places import FILE, STORE_URL, StorePlace, network_type, store_place
+from station.store.places import STORE_URL, StorePlace, store_place
 from station.store.plant.months import is_partition
 from station.store.quality.counts import GROUPINGS, Verdicts
 from station.store.quality.guard_bands import GuardBands
@@ -46,10 +44,9 @@ from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips
 from station.store.quality.values import characteristic
 from station.store.rows.projection import seen_files
-from station.store.table_counts import all_rows, behind, counts
+from station.store.table_counts import all_rows, counts
 from station.store.view import bring_up, look_at, opened
 
-ASK = Ask("lost_motion", recipe="inverse")
 LINE = {
     "slope": 100.5,
     "offset_nm": -13.0,
@@ -70,11 +67,6 @@ def lot(tmp_path: Path, store_url: str | None) -> Path:
     files = {"recipe.yaml": recipe_text("inverse", 9), "bench.yaml": BENCH_TEXT}
     Store(data).create("open", replace(SETUP, recipe=recipe, bench=replace(SETUP.bench, sha256="1")), files)
     return data
-
-
-def rows_in(data: Path) -> dict[str, list[tuple[Any, ...]]]:
-    with look_at(data) as view:
-        return all_rows(view.database, view.chain)
 
 
 def numbers(rows: dict[str, list[tuple[Any, ...]]]) -> dict[str, int]:
@@ -364,119 +356,6 @@ def test_whoever_is_killed_between_seal_and_store_loses_nothing(lot: Path, step:
     assert rows_in(lot) == once
 
 
-@pytest.fixture
-def plain(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.delenv(STORE_URL, raising=False)
-    return store_lot(tmp_path / "runs")
-
-
-def test_a_locked_store_is_waited_for_and_then_done_without(
-    plain: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("station.store.engine.BUSY_S", 0.1)
-    rows_in(plain)
-    store_run(plain, "U0", [metric(0.45)])
-    lock = sqlite3.connect(plain / FILE, isolation_level=None)
-    lock.execute("BEGIN IMMEDIATE")
-    assert len(stored_values(plain, ASK).values) == 7
-    assert "database is locked" in capsys.readouterr().err
-    with pytest.raises(StoreError, match="database is locked"):
-        bring_up(plain, 1.0)
-    lock.rollback()
-    lock.close()
-    assert bring_up(plain, 5.0) == 0
-    assert len(stored_values(plain, ASK).values) == 7
-
-
-@pytest.mark.parametrize("damage", [b"this is no database" * 100, b""])
-def test_a_damaged_or_empty_store_takes_nothing_from_the_answers(plain: Path, damage: bytes) -> None:
-    rows_in(plain)
-    for name in (FILE, f"{FILE}-wal", f"{FILE}-shm"):
-        (plain / name).unlink(missing_ok=True)
-    (plain / FILE).write_bytes(damage)
-    assert len(stored_values(plain, ASK).values) == 6
-
-
-@pytest.mark.parametrize(
-    "said", ["problems = 'xx'", "problems = '[[1]]'", "\"offset\" = 'abc'", "counter = -1", "keys = '[1]'"]
-)
-def test_a_damaged_row_of_the_chain_is_told_and_made_again(plain: Path, said: str) -> None:
-    rows_in(plain)
-    with sqlite3.connect(plain / FILE) as there:
-        there.execute(f"UPDATE projections SET {said}")  # noqa: S608 - of this test
-    there.close()
-    listed = here("list", "--data", str(plain))
-    assert (listed.exit_code, "lostmotion store rebuild" in listed.err) == (0, True)
-    assert here("store", "state", "--data", str(plain)).exit_code == 2
-    assert here("store", "rebuild", "--data", str(plain)).exit_code == 0
-    assert here("store", "state", "--data", str(plain)).exit_code == 0
-
-
-@pytest.mark.parametrize("damage", ["bytes", "cut", "table"])
-def test_a_damaged_store_of_its_own_is_set_aside_and_made_again(plain: Path, damage: str) -> None:
-    before = rows_in(plain)
-    file = plain / FILE
-    if damage == "table":
-        with sqlite3.connect(file) as there:
-            there.execute("DROP TABLE runs")
-        there.close()
-    else:
-        file.write_bytes(b"this is no database" * 999 if damage == "bytes" else file.read_bytes()[:9000])
-    bad = file.read_bytes()
-    listed = here("list", "--data", str(plain))
-    assert (listed.exit_code, "lostmotion store rebuild" in listed.err) == (0, True)
-    assert here("store", "rebuild", "--data", str(plain)).exit_code == 0
-    assert rows_in(plain) == before
-    aside = [one for one in plain.iterdir() if one.name.startswith(f"{FILE}.damaged-")]
-    assert bad in [one.read_bytes() for one in aside]
-
-
-def test_a_damaged_store_that_was_named_is_left_alone(
-    plain: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    named = tmp_path / "named.sqlite3"
-    named.write_bytes(b"this is no database" * 999)
-    monkeypatch.setenv(STORE_URL, f"sqlite:///{named}")
-    assert here("store", "rebuild", "--data", str(plain)).exit_code == 2
-    assert named.read_bytes() == b"this is no database" * 999
-
-
-def test_a_server_that_is_not_there_is_told_and_done_without(
-    plain: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv(STORE_URL, "postgresql://nobody:secret@127.0.0.1:9/none")
-    assert len(stored_values(plain, ASK).values) == 6
-    said = capsys.readouterr().err
-    assert "postgresql+psycopg://nobody@127.0.0.1:9/none: the store of runs cannot be used" in said
-    assert "secret" not in said
-
-
-def test_a_run_is_measured_and_judged_without_a_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    golden = Path(__file__).parents[2] / "proofs" / "golden" / "golden.yaml"
-    words = ("--virtual-time", "--json", "--no-report", "--serial", "S", "--data", str(tmp_path / "d"))
-    with_store = here("run", str(golden), *words)
-    monkeypatch.setenv(STORE_URL, "postgresql://nobody@127.0.0.1:9/none")
-    without = here("run", str(golden), *words)
-    assert without.exit_code == with_store.exit_code
-    assert without.json["verdict"] == with_store.json["verdict"]
-    assert "the store is brought up later" in without.err
-    monkeypatch.delenv(STORE_URL)
-    database = opened(tmp_path / "d")
-    assert behind(database, Chain(tmp_path / "d")) == 2
-    assert catch_up(database, Chain(tmp_path / "d")) == 0
-    assert counts(database, Chain(tmp_path / "d"))["runs"] == 2
-    database.close()
-
-
-def test_a_store_of_a_newer_version_is_left_as_it_is(plain: Path) -> None:
-    rows_in(plain)
-    with sqlite3.connect(plain / FILE) as connection:
-        connection.execute("UPDATE alembic_version SET version_num = '9999'")
-    with pytest.raises(StoreError, match="version 9999"):
-        opened(plain)
-    assert len(stored_values(plain, ASK).values) == 6
-
-
 def test_the_migrations_make_the_tables_of_a_new_store(store_url: str | None, tmp_path: Path) -> None:
     from alembic.autogenerate import compare_metadata  # noqa: PLC0415 - for this test alone
     from alembic.migration import MigrationContext  # noqa: PLC0415
@@ -502,13 +381,6 @@ def test_the_migrations_make_the_tables_of_a_new_store(store_url: str | None, tm
     assert max(path.stem[1:5] for path in folder.glob("v*.py")) == HEAD
 
 
-def test_a_table_that_is_there_without_a_version_is_not_taken_over(plain: Path) -> None:
-    with sqlite3.connect(plain / FILE) as connection:
-        connection.execute("CREATE TABLE runs (chain TEXT)")
-    with pytest.raises(StoreError, match="runs"):
-        opened(plain)
-
-
 def _as_made(connection: Connection) -> dict[str, Any]:
     """Return all tables as the database sees them, with their keys, indexes and options."""
     look = inspect(connection)
@@ -529,66 +401,6 @@ def _shown(found: Any) -> Any:
         return str(found)
     options = [{name: str(text) for name, text in one.get("dialect_options", {}).items()} for one in found]
     return sorted(str({**one, "dialect_options": own}) for one, own in zip(found, options, strict=True))
-
-
-MOUNT_LINES = """\
-22 1 8:1 / / rw,relatime - ext4 /dev/vda rw
-30 22 0:40 / /mnt/line rw,relatime shared:1 - nfs4 server:/x rw
-31 22 0:41 / /mnt/my\\040line rw - cifs //server/x rw
-32 30 8:2 / /mnt/line/local rw - xfs /dev/vdb rw
-"""
-
-
-@pytest.mark.parametrize(
-    ("path", "kind"),
-    [
-        ("/data", ""),
-        ("/mnt/line/runs", "nfs4"),
-        ("/mnt/my line/runs", "cifs"),
-        ("/mnt/line/local/x", ""),
-        ("/mnt/lines", ""),
-    ],
-)
-def test_a_network_mount_is_known_by_its_type(tmp_path: Path, path: str, kind: str) -> None:
-    mounts = tmp_path / "mounts"
-    mounts.write_text(MOUNT_LINES)
-    assert network_type(Path(path), mounts) == kind
-
-
-@pytest.mark.parametrize("named", ["sqlite:///", "sqlite:///:memory:"])
-def test_a_store_that_names_no_file_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str) -> None:
-    monkeypatch.setenv(STORE_URL, named)
-    with pytest.raises(StationError, match="names no file"):
-        store_place(tmp_path)
-
-
-def test_a_store_that_is_named_from_here_stays_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv(STORE_URL, "sqlite:///own.sqlite3")
-    assert store_place(tmp_path).url == f"sqlite:///{tmp_path}/own.sqlite3"
-
-
-def test_no_sqlite_file_lies_on_a_network_mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    mounts = tmp_path / "mounts"
-    mounts.write_text(f"30 22 0:40 / {tmp_path.resolve()} rw - nfs4 server:/x rw\n")
-    monkeypatch.setattr("station.store.places.network_type", lambda path: network_type(path, mounts))
-    monkeypatch.delenv(STORE_URL, raising=False)
-    place = store_place(tmp_path)
-    assert "network mount (nfs4)" in place.note
-    assert not place.url.startswith(f"sqlite:///{tmp_path}")
-    monkeypatch.setenv(STORE_URL, f"sqlite:///{tmp_path}/x.sqlite3")
-    with pytest.raises(StationError, match="network drive"):
-        store_place(tmp_path)
-
-
-@pytest.mark.parametrize("url", ["mysql://x/y", "x", "oracle://u:secret@h/y"])
-def test_a_url_of_another_kind_is_refused(tmp_path: Path, url: str) -> None:
-    (tmp_path / "runs").mkdir()
-    ran = here("--store", url, "list", "--data", str(tmp_path / "runs"))
-    assert ran.exit_code == 2
-    assert "sqlite:///FILE and postgresql://" in ran.err
-    assert "secret" not in ran.err
-    assert STORE_URL not in os.environ
 
 
 def test_help_and_scan_load_no_database() -> None:

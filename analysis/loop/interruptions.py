@@ -68,9 +68,16 @@ units cost 4 to 22 ms at 120 N·m/s, and 17 to 50 ms at 60 N·m/s. A rest costs 
 RUNS_AHEAD = 6
 """Blocks in which the torque may run ahead through the play before it waits for its ramp: so much time is not lost."""
 
+WAITS_S = 0.2
+"""Time in which it has come back to its ramp, with one block [s]: three times that of the torque law. Units take up to
+0.15 s at 40 N·m/s and more, and 0.2 s at 20 N·m/s."""
+
 LANDS = 0.002
 """Share of the torque of a branch by which the torque goes back as the play has been taken up: the unit lands, and
 rebounds by no more than 0.5 N·m of 906."""
+
+LEAST_BACK = 0.001
+"""Share of the wind-up of a branch by which it goes back: on its way over zero that of no unit does, beside noise."""
 
 AT_TURN = 0.005
 """Share of the torque of a branch within which it has not left its turn, or has come to the next one."""
@@ -133,7 +140,7 @@ def _of_branch(side: BranchSamples) -> Iterator[Interruption]:
     begins = int(np.flatnonzero(load <= load[0] + margin)[-1])
     ends = int(np.argmax(load >= load[-1] - margin))
     slow = list(_slow(np.diff(at), np.diff(load), np.diff(angle), begins, ends))
-    own = () if side.t_s is None else _going_over(at, load, slow)
+    own = () if side.t_s is None else _going_over(at, load, angle, slow)
     for first, last in slow:
         if (first, last) in own:
             continue
@@ -194,23 +201,37 @@ def _slow(step: FloatArray, load: FloatArray, angle: FloatArray, begins: int, en
         yield int(before[-1]), int(after[0])
 
 
-def _going_over(at: FloatArray, load: FloatArray, slow: Sequence[tuple[int, int]]) -> Sequence[tuple[int, int]]:
+def _going_over(
+    at: FloatArray, load: FloatArray, angle: FloatArray, slow: Sequence[tuple[int, int]]
+) -> Sequence[tuple[int, int]]:
     """Return the slow stretches in which a sound ramp goes over from unloading to loading; none where it rested there.
 
-    All at zero together: the torque does not go back, and the ramp loses next to no time, for a torque that waits for
-    it ran ahead before. slow: differences of blocks about each stretch that are not slow.
+    All at zero together: neither torque nor wind-up goes back, the ramp is soon under way again, and it loses next to
+    no time, for a torque that waits for it ran ahead before, through the play and no earlier. slow: differences of
+    blocks about each stretch that are not slow.
     """
     zone = AT_ZERO * float(np.ptp(load))
     there = [(first, last) for first, last in slow if load[first] <= zone and load[last] >= -zone]
     if not there:
         return ()
     first, last = there[0][0], there[-1][1]
-    back = float((np.maximum.accumulate(load[first : last + 1]) - load[first : last + 1]).max())
+    steps = np.diff(at)
+    waits_s = float(at[last] - at[first + 1])
+    if waits_s > WAITS_S + float(np.median(steps)) or _back(angle, first, last) > LEAST_BACK * float(np.ptp(angle)):
+        return ()
     # of a rest that takes most of the branch the median is noise
-    usual = max(float(np.median(np.diff(load) / np.diff(at))), float((load[-1] - load[0]) / (at[-1] - at[0])))
+    usual = max(float(np.median(np.diff(load) / steps)), float((load[-1] - load[0]) / (at[-1] - at[0])))
     behind = at - load / usual  # of the ramp [s], by what it was somewhere
-    lost_s = float(behind[last] - behind[max(first + 1 - RUNS_AHEAD, 0) : first + 2].max())
-    return there if back < LANDS * float(np.ptp(load)) and lost_s < GOES_OVER_S else ()
+    before = np.arange(max(first + 1 - RUNS_AHEAD, 0), first + 2)
+    in_play = before[load[before] >= -zone]
+    lost_s = float(behind[last] - behind[in_play if in_play.size else before[-1:]].max())
+    return there if _back(load, first, last) < LANDS * float(np.ptp(load)) and lost_s < GOES_OVER_S else ()
+
+
+def _back(values: FloatArray, first: int, last: int) -> float:
+    """Return by how much values go back at most from one place to another."""
+    between = values[first : last + 1]
+    return float((np.maximum.accumulate(between) - between).max())
 
 
 def _half_way(rate: FloatArray, advance: FloatArray) -> float:

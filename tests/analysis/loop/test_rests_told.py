@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -20,6 +21,9 @@ CROSSINGS: dict[str, tuple[tuple[float, float], ...]] = {
     "slows long": ((0.07, 1.8),),
     "runs ahead": ((0.012, 6.0), (0.06, 0.6)),
     "goes back": ((0.012, 8.0), (0.028, -5.0)),
+    "rests after a surge": ((0.05, 25.0), (0.15, 0.4)),
+    "rests long after a surge": ((0.08, 50.0), (0.33, 0.4)),
+    "waits too long": ((0.02, 8.0), (0.38, 0.1)),
 }
 """What the torque does from zero on, before the ramp goes on: parts of so many seconds and N·m."""
 
@@ -29,12 +33,12 @@ OWN = ("slows", "slows long", "runs ahead")
 
 def rising(
     crossing: str = "even", at_nm: float = 0.0, *, rest: tuple[float, float] | None = None,
-    unit: ReferenceUnit = SOUND, noise_nm: float = 0.2, direction: int = 1,
+    unit: ReferenceUnit = SOUND, noise_nm: float = 0.2, direction: int = 1, rate_nm_s: float = RATE_NM_S,
 ) -> tuple[BranchSamples, slice]:  # fmt: skip
     """Return one branch, and the rows of its rest; at_nm: where it crosses; rest: at a share of the peak, seconds."""
     parts = CROSSINGS[crossing]
-    seconds, nm = np.cumsum([((at_nm + PEAK_NM) / RATE_NM_S, at_nm + PEAK_NM), *parts], axis=0).T
-    left_s = (2.0 * PEAK_NM - nm[-1]) / RATE_NM_S
+    seconds, nm = np.cumsum([((at_nm + PEAK_NM) / rate_nm_s, at_nm + PEAK_NM), *parts], axis=0).T
+    left_s = (2.0 * PEAK_NM - nm[-1]) / rate_nm_s
     knots_s = np.concatenate(([0.0], seconds, [seconds[-1] + left_s]))
     knots_nm = np.concatenate(([0.0], nm, [2.0 * PEAK_NM])) - PEAK_NM
     torque = np.interp(np.arange(0.0, knots_s[-1], PERIOD_S), knots_s, knots_nm)
@@ -106,3 +110,22 @@ def test_away_from_zero_no_unit_does_that_by_itself(crossing: str, at_nm: float)
 def test_a_torque_that_goes_back_is_told_at_zero_too() -> None:
     """It lost no time: it had run ahead. But the unit has gone through a small loop."""
     assert len(interruptions_of([rising("goes back")[0]])) == 1
+
+
+@pytest.mark.parametrize(("crossing", "at_nm"), [("rests after a surge", -25.0), ("rests long after a surge", -50.0)])
+def test_what_ran_ahead_before_the_play_excuses_no_rest(crossing: str, at_nm: float) -> None:
+    """The ramp has lost no time by what it was before: but the unit has rested."""
+    assert len(interruptions_of([rising(crossing, at_nm)[0]])) == 1
+
+
+def test_what_ran_ahead_through_the_play_excuses_no_long_rest() -> None:
+    """On a slow ramp it would make up for half a second: the torque law needs less to come back to it."""
+    assert len(interruptions_of([rising("waits too long", rate_nm_s=20.0)[0]])) == 1
+
+
+def test_a_wind_up_that_goes_back_at_zero_is_told() -> None:
+    """No unit does that while its torque rises; the torque alone is as a unit's own."""
+    branch, _ = rising("slows long")
+    middle = int(np.argmax(branch.torque_nm >= 1.0))
+    slipped = branch.windup_arcmin - 0.04 * np.clip((np.arange(branch.torque_nm.size) - middle) / 40.0, 0.0, 1.0)
+    assert len(interruptions_of([replace(branch, windup_arcmin=slipped)])) == 1

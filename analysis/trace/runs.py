@@ -79,14 +79,14 @@ def found_runs(torque_nm: FloatArray) -> list[Run]:
     size = max(1, -(-torque_nm.size // SEARCH_BLOCKS))
     edges = np.arange(0, torque_nm.size, size)
     means = np.add.reduceat(torque_nm, edges) / np.diff(np.append(edges, torque_nm.size))
-    turns = _zigzag(means, TURNING_PROMINENCE * float(np.ptp(means)))
-    if len(turns) < 1:
+    zigzag = _zigzag(means, TURNING_PROMINENCE * float(np.ptp(means)))
+    turns = _apart([(_refine(torque_nm, int(edges[turn]), size, rising=up), up) for turn, up in zigzag], torque_nm.size)
+    if not turns:
         raise AnalysisError(
             f"turning points: the torque goes from {torque_nm[0]:g} to {torque_nm[-1]:g} N·m and never reverses; "
             "expected a rising and a falling branch; record a whole loop, or name the branches in column segment"
         )
-    inner = [_refine(torque_nm, int(edges[turn]), size, rising=up) for turn, up in turns]
-    points = [0, *inner, torque_nm.size]
+    points = [0, *(row for row, _ in turns), torque_nm.size]
     directions = [1 if turns[0][1] else -1]
     for _ in turns:
         directions.append(-directions[-1])
@@ -159,3 +159,14 @@ def _refine(torque_nm: FloatArray, start: int, size: int, *, rising: bool) -> in
     begin, end = max(0, start - size), min(torque_nm.size, start + 2 * size)
     near = torque_nm[begin:end]
     return begin + int(np.argmax(near) if rising else np.argmin(near)) + 1
+
+
+def _apart(turns: Sequence[tuple[int, bool]], rows: int) -> list[tuple[int, bool]]:
+    """Leave out turns (first row after it, is maximum) between which there is no row: noise turned there and back."""
+    kept: list[tuple[int, bool]] = []
+    for turn in turns:
+        if kept and turn[0] <= kept[-1][0]:
+            kept.pop()
+        else:
+            kept.append(turn)
+    return kept[:-1] if kept and kept[-1][0] >= rows else kept

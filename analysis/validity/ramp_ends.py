@@ -25,8 +25,12 @@ from definitions.units import ARCMIN_PER_RAD
 BEFORE_S, AFTER_S = (0.15, 0.35), 0.2
 """What is looked at before and after the end of a ramp, at least and at most; of a dwell as much as there is."""
 
-BEFORE_SHARE = 0.04
-"""Share of the torque at the end that is looked at before it: over more of it the unit's stiffness grows."""
+BEFORE_SHARE = 0.065
+"""Share of the torque at the end that is looked at before it: over more of it the unit's stiffness grows.
+
+Over less of it nothing straight is seen of a fast ramp, for its last 150 ms are rounded. Of what bends evenly the lost
+time looks like a delay, and the wave of an encoder decides between creep and delay.
+"""
 
 LEAST_AFTER_S = 0.08
 """A dwell that is shorter does not show where the ramp ended."""

@@ -1,13 +1,14 @@
 """Risks of a decision rule: the worked example of JCGM 106, limits of what is possible, and the guard band wanted."""
 
 import math
+from dataclasses import astuple
 
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from analysis.evaluation.guard_band import gamma_process, guard_for, normal_process, risks
+from analysis.evaluation.guard_band import Measured, gamma_process, guard_for, normal_process, risks, risks_of_each
 from analysis.evaluation.verdict import Verdict, judge
 from analysis.loop.method import Decision
 from analysis.trace.errors import AnalysisError
@@ -82,6 +83,14 @@ def test_risks_are_numbers_or_refused(mean: float, sd: float, u: float, guard: f
         return
     for name in ("outside", "false_accept", "false_reject", "false_fail", "undecided"):
         assert math.isfinite(getattr(found, name)), name
+
+
+def test_values_that_were_measured_a_little_differently_are_not_taken_together() -> None:
+    """By the mean of u and guard band the risks would be others."""
+    process, values = normal_process(10.0, 0.4), [Measured(0.1 * 1.05**step, 0.05 * 1.05**step) for step in range(6)]
+    each = [astuple(risks(process, 9.0, 11.0, *one)) for one in values]
+    found = risks_of_each(process, 9.0, 11.0, values)
+    assert astuple(found) == pytest.approx(np.mean(each, axis=0), rel=1e-9)
 
 
 def test_a_sharp_measurement_makes_no_mistakes() -> None:

@@ -13,6 +13,7 @@ from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
 from analysis.loop.method import Decision, MetricWanted
 from analysis.trace.trace import SegmentInfo, Trace
+from analysis.validity.ramp_ends import ramp_ends
 from benchmarks.simulated.kinds import KINDS, Kind
 from benchmarks.simulated.loop_generator import (
     SOUND,
@@ -135,3 +136,30 @@ def test_where_nothing_tells_the_delay_a_width_is_not_decided() -> None:
     assert next(check for check in result.checks if check.id == "late_torque").passed is None
     stiff = MetricWanted("stiffness_50_100", branch="load", min=100.0)
     assert judged(RV40, BENCH, change=in_two_pieces, wanted=stiff).verdict is Verdict.PASS
+
+
+def rounded_end(phase: float, delay_s: float) -> tuple[Trace, np.ndarray]:
+    """A ramp of 120 N·m/s that slows down over its last 150 ms and creeps at rest; its encoder waves.
+
+    As the quick recipe has it on the virtual bench.
+    """
+    t_s = np.arange(2500) * 1e-3
+    speed = np.interp(t_s, [1.86, 1.92, 1.98, 2.03], [1.1, 0.7, 0.35, 0.0])
+    shift = np.cumsum(speed) * 1e-3
+    windup = shift + 0.08 * np.cumsum(1.0 - speed / 1.1) * 1e-3
+    torque = np.interp(t_s - delay_s, t_s, 220.0 + 110.0 * shift)
+    torque += np.random.default_rng(1).normal(scale=0.2, size=t_s.size)
+    seen = windup + 0.0025 * np.sin(2.0 * np.pi * (windup / 0.018 + phase))
+    segments = {0: SegmentInfo("measure", 1, 1), 1: SegmentInfo("dwell", 0, 1)}
+    trace = Trace(t_s=t_s, torque_out_nm=torque, segment=(t_s >= 2.0).astype(np.int64), segments=segments)
+    return trace, seen
+
+
+@pytest.mark.parametrize("delay_s", [0.0, 0.005, -0.005])
+def test_the_wave_of_an_encoder_is_no_delay_at_the_rounded_end_of_a_fast_ramp(delay_s: float) -> None:
+    """Where all that was seen bent evenly, creep stood for a delay: a wave of 0.0025 arcmin made 13 ms of it."""
+    ends = [one for phase in np.arange(8) / 8.0 for one in ramp_ends(*rounded_end(float(phase), delay_s))]
+    wrong_s = np.array([one.late_s for one in ends]) - delay_s
+    assert wrong_s.size == 8
+    assert np.abs(wrong_s).max() < 0.008
+    assert abs(wrong_s.mean()) < 0.002

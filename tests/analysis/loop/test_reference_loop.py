@@ -1,6 +1,7 @@
 """Every metric of unit P1: exact on the closed form, and within what is promised on a noisy run of the bench."""
 
 import dataclasses
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -8,6 +9,8 @@ from reference_unit import ARC, RATIO, ReferenceUnit, bench_trace, exact_trace
 
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.loop.method import Method, MetricWanted
+from analysis.trace.errors import AnalysisError
+from analysis.trace.runs import found_runs
 from analysis.trace.trace import SegmentInfo, Trace
 
 METHOD = Method(ratio=121, rated_torque_nm=412)
@@ -162,3 +165,17 @@ def test_loading_at_the_output() -> None:
     wanted = [MetricWanted("backlash_width_3pct"), MetricWanted("spring_constant")]
     found = values(analyse(output, dataclasses.replace(METHOD, loading="output"), wanted))
     assert found == pytest.approx(values(analyse(trace, METHOD, wanted)), rel=1e-9)
+
+
+def test_no_branch_that_is_found_in_noise_is_empty() -> None:
+    """Two turns were found at the same row, and the largest torque between them ended the program."""
+    noise = np.random.default_rng(0).normal(size=(5, 12_000))
+    runs = found_runs(noise[0])
+    rows = [run.pieces[0] for run in runs]
+    assert [one.stop for one in rows] == [*(one.start for one in rows[1:]), noise.shape[1]]
+    assert min(one.stop - one.start for one in rows) > 0
+    assert {one.direction + other.direction for one, other in pairwise(runs)} == {0}
+    names = ("t_s", "torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
+    trace = Trace(**dict(zip(names, noise, strict=True)) | {"t_s": np.arange(noise.shape[1]) * 1e-3})
+    with pytest.raises(AnalysisError, match="raise the sampling rate"):
+        analyse(trace, METHOD, [MetricWanted("backlash_width_3pct")])

@@ -12,10 +12,12 @@ from reference_unit import RATIO, bench_trace
 
 from analysis.evaluation.pipeline import analyse
 from analysis.evaluation.verdict import Verdict
-from analysis.loop.method import MetricWanted
+from analysis.loop.measured import measure
+from analysis.loop.method import Method, MetricWanted
 from analysis.torque_ratio.quadrants import Quadrants, TorqueLine
 from analysis.trace.trace import Trace
 from analysis.uncertainty.figures import TorqueFigures
+from analysis.validity.torque_checks import FRICTION_DIFFERS, shown_lines, zeroes_shown_nm
 
 
 def without(role: str) -> Trace:
@@ -84,6 +86,36 @@ def test_a_zero_of_the_input_sensor_moves_no_output_torque() -> None:
     """It moves all four lines along the input torque, and where they meet not up or down."""
     off = judged(dataclasses.replace(GOOD, torque_in_nm=GOOD.torque_in_nm + 0.05))
     assert of(off, "torque_out_zero").figure < 0.1
+
+
+def zeroes_off(out_nm: float, in_nm: float, method: Method = KNOWN) -> tuple[dict[str, float], dict[str, float]]:
+    """What is shown of zeroes that are off; and the largest that each can be, by the lines alone."""
+    moved = {"torque_out_nm": GOOD.torque_out_nm + out_nm, "torque_in_nm": GOOD.torque_in_nm + in_nm}
+    found = measure(dataclasses.replace(GOOD, **moved), method)
+    (lines, _) = shown_lines(found)
+    told = {"torque_out_nm": lines.zero_nm, "torque_in_nm": lines.zero_in_nm}
+    besides_nm = {"torque_out_nm": 0.0, "torque_in_nm": FRICTION_DIFFERS / 2.0 * lines.idle_nm}
+    most = {name: abs(zero.value) + zero.expanded + besides_nm[name] for name, zero in told.items()}
+    return zeroes_shown_nm(found, FIGURES), most
+
+
+def test_a_zero_that_is_shown_counts_with_all_that_it_can_be() -> None:
+    shown, most = zeroes_off(1.5, 0.004)
+    assert shown == pytest.approx(most, rel=1e-6)
+    assert shown["torque_out_nm"] > 1.5, "the lines alone show a little less than it is"
+    assert shown["torque_in_nm"] > 0.006, "friction that differs between the directions would hide 0.002 N·m"
+
+
+def test_what_friction_that_differs_between_the_directions_makes_is_no_zero_of_the_input() -> None:
+    """0.001 N·m are declared and 0.0002 N·m is the scatter of the lines: friction makes up to 0.0022 N·m besides."""
+    assert zeroes_off(0.0, 0.0025)[0] == {}
+    assert set(zeroes_off(0.0, 0.0037)[0]) == {"torque_in_nm"}
+
+
+def test_of_a_locked_input_no_zero_is_shown() -> None:
+    """Its lines do not meet where there is no load."""
+    assert set(zeroes_off(1.5, 0.05)[0]) == {"torque_out_nm", "torque_in_nm"}
+    assert zeroes_off(1.5, 0.05, dataclasses.replace(KNOWN, loading="output"))[0] == {}
 
 
 def test_a_tight_or_worn_unit_has_the_same_ratio() -> None:

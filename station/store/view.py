@@ -135,15 +135,15 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     with database.reading() as connection:
         stored, altered = _stored(connection, chain) if changed or gone else (stored, altered)
         found = stored_walk(connection, chain)
+        before, old_problems = runs_before(chain)
+        known = {*stored, *before} if chain.there else set(folders)
         absent = [run for run in stored if run not in folders]
-        removed = set(removals(connection, chain, view.trust)) if absent else set()
+        removed = set(removals(connection, chain, view.trust)) if absent or known - folders.keys() else set()
     view.missing = [run for run in absent if run not in removed]
     view.runs = sorted([*folders, *view.missing])
     view.open = [run for run, was in stored.items() if was is None and run in folders]
     held: dict[str, str | None] = dict(zip(folders, folders, strict=True))
     held |= {name: _named_in(data, name) for name in {*changed, *strays, *altered} if name in folders}
-    before, old_problems = runs_before(chain)
-    known = {*stored, *before} if chain.there else set(folders)
     sealed = {run for run, was in stored.items() if was is not None}
     named = folder_problems(data, known, held, _About(database, chain), sealed=sealed, removed=removed)
     told = {problem.run for problem in named}

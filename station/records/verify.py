@@ -100,12 +100,23 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
             continue
         if run.id not in told:
             problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
-    history = History(data, trust.keys)
-    problems += [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
+    problems += _recipe_problems(data, trust)
     here = {one.id for one in runs}
     gone = {run for run, line in found.removed.items() if line.key in trust.keys and run not in here}
-    kept = len(gone & read_note(data).runs.keys()) if gone else 0
-    return Verified(chain, found, trust, len(runs), concluded, problems, len(gone), kept)
+    try:
+        archived = set(read_note(data).runs)
+    except RecordError as error:
+        archived = set()
+        problems.append(Problem("archive", "", str(error)))
+    return Verified(chain, found, trust, len(runs), concluded, problems, len(gone), len(gone & archived))
+
+
+def _recipe_problems(data: Path, trust: Trust) -> list[Problem]:
+    try:
+        history = History(data, trust.keys)
+    except RecordError as error:
+        return [Problem("recipes", "", str(error))]
+    return [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
 
 
 def _named_in(run: RunRecord) -> str | None:

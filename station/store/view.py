@@ -119,7 +119,7 @@ def warn(text: str) -> None:
 
 
 def _looked(data: Path, chain: Chain, database: Database) -> View:
-    catch_up(database, chain, told=_tell)
+    catch_up(database, chain, told=_tell, warned=warn)
     there = _folders(data)
     folders = {name: seen_then for name, seen_then in there.items() if is_text(name)}
     with database.reading() as connection:

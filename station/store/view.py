@@ -34,7 +34,7 @@ from station.store.engines import IN_MEMORY
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals
-from station.store.rows.projection import seen_files
+from station.store.rows.projection import seen_files, waits_for_its_name
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 from station.there import NOT_THERE
 
@@ -154,6 +154,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
         for run, texts in altered.items()
         if run not in told and run in folders
         for text in texts
+        if not waits_for_its_name(text)
     ]
     return view
 

@@ -37,6 +37,8 @@ MOST_AT_ONCE = 500
 
 LONGEST_CAUSE = 200
 
+NOT_IN_PLACE = f"{MANIFEST}: the one that was sealed is not in its place yet"
+
 REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
 """How a database, or what speaks to it, refuses a value: one too large, a text that it cannot write, a row twice."""
 
@@ -71,7 +73,7 @@ def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Ro
         concluded = sealed is not None or is_sealed(manifest)
         altered = alterations(run, samples=samples, chain=chain, trusted=frozenset(signers))
         if sealed is not None and not is_sealed(manifest):
-            altered = altered or (f"{MANIFEST}: is still being written. Look again in a moment",)
+            altered = altered or (_not_in_place(run),)
         result = run.read(Result, RESULT) if concluded and not altered else None
         found = _attempt_rows(run, chain, manifest, created)
         if concluded:
@@ -81,7 +83,18 @@ def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Ro
     except RecordError as error:
         unread = isinstance(error.__cause__, OSError)
         return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}"), unread
-    return found, any(text.endswith((NOT_READ, NO_RESULT)) for text in altered)
+    return found, any(text.endswith((NOT_READ, NO_RESULT)) or waits_for_its_name(text) for text in altered)
+
+
+def waits_for_its_name(text: str) -> bool:
+    """Whether this is said of a run whose sealed run.json has not got its name yet: nothing of it was altered."""
+    return text.startswith(NOT_IN_PLACE)
+
+
+def _not_in_place(run: RunRecord) -> str:
+    if run.deserted():
+        return f"{NOT_IN_PLACE}: its process has ended. Run 'lostmotion conclude {run.id}'"
+    return f"{NOT_IN_PLACE}: it is still being written. Look again in a moment"
 
 
 def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:

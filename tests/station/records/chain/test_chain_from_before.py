@@ -20,6 +20,7 @@ from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import seal
+from station.records.traces import keep_trace
 from station.records.verify import verify_folder
 from station.run.run_list import row
 from station.store.view import look_at
@@ -75,11 +76,15 @@ def test_what_is_done_to_runs_from_before_the_chain_is_named(
 
 
 def test_a_run_from_before_the_chain_that_a_rule_has_removed_is_not_missing(old: Path) -> None:
-    store_run(old, "D", [metric(0.4)])
+    store_run(old, "A", [metric(0.4)])
     gone, lost = folder(old, 0), folder(old, 1)
     with writing_to(old) as chain:
-        chain.append(REMOVED, run=gone.name, serial="A", sha256="0", rule="r", person="p", trace="")
+        trace = keep_trace(old, gone.name, {one: (gone / one).read_bytes() for one in ("run.json", "result.json")})
+        chain.append(REMOVED, run=gone.name, serial="A", sha256="0", rule="r", person="p", trace=trace)
+    told = Store(old).attempts_of("A")
     shutil.rmtree(gone)
+    assert [(one.attempt, one.verdict) for one in told] == [(1, "FAIL"), (2, "PASS"), (3, "PASS")]
+    assert Store(old).attempts_of("A") == told
     with look_at(old) as view:
         assert view.problems == verify_folder(old).problems == []
     shutil.rmtree(lost)

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from chain_folders import another_computer, folder
+from chain_folders import a_key, another_computer, folder, lines, write
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from station.records.chain.chain_file import CHAIN
-from station.records.chain.entries import REMOVED
+from station.records.chain.entries import REMOVED, signed_entry
 from station.records.chain.keys import FOLDER_KEYS
 from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
@@ -87,6 +87,11 @@ def test_a_run_from_before_the_chain_that_a_rule_has_removed_is_not_missing(old:
     assert Store(old).attempts_of("A") == told
     with look_at(old) as view:
         assert view.problems == verify_folder(old).problems == []
+    foreign = {"run": gone.name, "serial": "A", "sha256": "0", "rule": "x", "person": "p", "trace": ""}
+    write(old, [*lines(old), signed_entry(REMOVED, 99, "", "then", a_key(), **foreign).line + b"\n"])
+    with look_at(old) as view:
+        assert "missing" not in {one.kind for one in view.problems}
+    write(old, lines(old)[:-1])
     shutil.rmtree(lost)
     with look_at(old) as view:
         assert [(one.kind, one.run) for one in view.problems] == [("missing", lost.name)]

@@ -78,9 +78,9 @@ def open_file(path: Path) -> BinaryIO:
     return os.fdopen(open_handle(path, os.O_RDONLY), "rb")
 
 
-def open_handle(path: Path, flags: int) -> int:
+def open_handle(path: Path, flags: int, rights: int = 0o666) -> int:
     """Return the handle of a file that is opened with these flags, and made where they say so; OSError as above."""
-    handle = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, 0o666)
+    handle = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, rights)
     if not stat.S_ISREG(os.fstat(handle).st_mode):
         os.close(handle)
         raise OSError(EINVAL, "this is a folder, a pipe or a device, not a file", str(path))

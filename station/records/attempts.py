@@ -1,7 +1,7 @@
 """The attempts of a serial number before the next one: by the signed chain, and by the records where it is silent.
 
 A damaged, altered or lost record does not make a unit new. What the chain says of an attempt counts; its record adds
-which metrics failed.
+which metrics failed. Of a record that a retention rule has removed, its trace does.
 """
 
 from __future__ import annotations
@@ -13,10 +13,11 @@ from station.documents.manifest import INJECTED, INTERRUPTED, SIMULATED, Earlier
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.entries import CREATED, SEALED, Entry
-from station.records.chain.lookup import entries_of_serial
+from station.records.chain.lookup import entries_of_serial, removals_of_serial
 from station.records.clocks import VIRTUAL, clock_of
 from station.records.run_record import MANIFEST, RESULT, RunRecord
 from station.records.seal import fingerprint
+from station.records.traces import FOLDER, is_as_kept
 
 MOST = 5
 """The newest are told: a master part is measured every day for years."""
@@ -32,14 +33,25 @@ def earlier_attempts(data: Path, runs: Sequence[RunRecord], serial: str) -> tupl
 
     """
     created, sealed = _in_chain(data, serial)
+    traces = _traces(data, serial)
     found: list[EarlierAttempt] = []
-    for name in sorted({*created, *(run.id for run in runs)}, reverse=True):
-        one = _attempt(RunRecord(data / name), serial, created.get(name), sealed.get(name))
+    here = {run.id for run in runs}
+    for name in sorted({*created, *here, *traces}, reverse=True):
+        run = RunRecord(data / name) if name in here else traces.get(name, RunRecord(data / name))
+        one = _attempt(run, serial, created.get(name), sealed.get(name))
         if one is not None:
             found.append(one)
         if len(found) == MOST:
             break
     return tuple(reversed(found))
+
+
+def _traces(data: Path, serial: str) -> dict[str, RunRecord]:
+    """Return the traces of the runs of a serial number whose records were removed, as they were kept, by run."""
+    removed = removals_of_serial(data, serial)
+    newest = sorted((run for run, line in removed.items() if line.fields["trace"]), reverse=True)[:MOST]
+    traces = {run: data / FOLDER / run for run in newest}
+    return {run: RunRecord(trace) for run, trace in traces.items() if is_as_kept(trace, removed[run])}
 
 
 def _in_chain(data: Path, serial: str) -> tuple[dict[str, Entry], dict[str, Entry]]:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 from station.documents.manifest import MANIFEST, ChainPlace, Manifest
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import CREATED, Entry
+from station.records.chain.walk import candidates
 from station.records.program_file import PROGRAM
 from station.records.run_record import PROFILES
 
@@ -26,9 +27,10 @@ class BegunBy(NamedTuple):
     bench: str | None
 
 
-def beginning_of(chain: Chain, run: str) -> Entry | None:
-    """Return the signed line that begins a run; None where there is none."""
-    return next((one for one in chain.entries_of(run) if one.kind == CREATED and one.signed), None)
+def beginning_of(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> Entry | None:
+    """Return the signed line that begins a run, as `candidates`; None where there is none."""
+    begun = (one for one in chain.entries_of(run) if one.kind == CREATED)
+    return next(iter(candidates(chain, begun, trusted)), None)
 
 
 def is_named_by(manifest: Manifest, chain: Chain, created: Entry) -> bool:

@@ -314,19 +314,20 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
         if kept:
             return named + _against_index(record, manifest, kept)
         return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]
+    entries = [one for one in entries if one.signed and one.key in keys] or entries
     found = _against_entries(record, manifest, entries, keys)
     if entries and not (manifest.chain is None and before is not None and run in before.unconcluded):
-        found += _against_beginning(chain, run, manifest, entries[0])
+        found += _against_beginning(chain, run, manifest, entries[0], keys)
     return named + found
 
 
-def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry) -> list[str]:
+def _against_beginning(chain: Chain, run: str, manifest: Manifest, sealed: Entry, trusted: frozenset[str]) -> list[str]:
     """Return what is wrong between the entry that begins a run and the one that seals it.
 
     What lies in the folder unsealed is not protected. So a run that nobody began, or that was sealed before and whose
     line was taken out, has no verdict although it was sealed by the right key.
     """
-    created = beginning_of(chain, run)
+    created = beginning_of(chain, run, trusted)
     if created is None:
         return [f"{CHAIN}: has no entry that begins this run"]
     if not is_named_by(manifest, chain, created):

@@ -24,7 +24,7 @@ from station.documents.entries import plain
 from station.documents.manifest import StudyPlace
 from station.documents.reading import of_plain
 from station.documents.study import StudyPlan
-from station.errors import StationError
+from station.errors import RecordError, StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import STUDY_BEGUN, STUDY_TAKEN, Entry, entry_of, signed_entry
 from station.records.chain.keys import leave_in_folder, own_key
@@ -100,6 +100,22 @@ def read_study(data: Path, name: str) -> Study:
     return _study(data, name, entries)
 
 
+def study_problems(data: Path, trusted: frozenset[str]) -> list[str]:
+    """Return what is wrong with the files of studies, one text for each; trusted: keys whose signatures count.
+
+    One without a line says nothing: whoever began it was killed before its plan was written.
+    """
+    found = []
+    for name in filter(NAME.fullmatch, study_names(data)):
+        try:
+            entries = _entries(_path(data, name))
+            if entries:
+                _study(data, name, entries, trusted)
+        except (StudyError, RecordError) as error:
+            found.append(str(error))
+    return found
+
+
 def begin_study(data: Path, name: str, plan: StudyPlan, person: str) -> Study:
     """Write the plan of a new study, and return it.
 
@@ -139,8 +155,9 @@ def _path(data: Path, name: str) -> Path:
     return data / FOLDER / f"{check_name(name)}{ENDING}"
 
 
-def _study(data: Path, name: str, entries: list[Entry]) -> Study:
-    path, trusted = _path(data, name), trust_of(Chain(data)).keys
+def _study(data: Path, name: str, entries: list[Entry], trusted: frozenset[str] | None = None) -> Study:
+    """Return a study by its lines; trusted: None for the keys that this computer knows."""
+    path, trusted = _path(data, name), trust_of(Chain(data)).keys if trusted is None else trusted
     before: Entry | None = None
     for number, entry in enumerate(entries, start=1):
         follows = entry.counter == number and entry.fields["previous"] == ("" if before is None else before.sha256)
@@ -152,16 +169,17 @@ def _study(data: Path, name: str, entries: list[Entry]) -> Study:
             else ""
         )  # fmt: skip
         if why:
-            raise StudyError(
-                f"{path}: this study is damaged: line {number} {why}. Restore the file from a backup, or begin a new "
-                "study"
-            )
+            raise _damaged(path, f"line {number} {why}")
         before = entry
     first, *others = entries
     plan = of_plain(StudyPlan, first.fields["plan"], path)
     found = [Taken(*(one.fields[name] for name in Taken._fields)) for one in others]
     known = {one.step: one for one in found if 1 <= one.step <= len(plan.order)}
     return Study(name, path, plan, first.sha256, first.fields["person"], first.fields["time"], known)
+
+
+def _damaged(path: Path, why: str) -> StudyError:
+    return StudyError(f"{path}: this study is damaged: {why}. Restore the file from a backup, or begin a new study")
 
 
 def _add(data: Path, path: Path, last: Entry | None, kind: str, **fields: object) -> None:
@@ -172,7 +190,12 @@ def _add(data: Path, path: Path, last: Entry | None, kind: str, **fields: object
 
 
 def _entries(path: Path) -> list[Entry]:
-    """Return the whole lines of a file; a torn one is none."""
+    """Return the whole lines of a file; a torn one is none, and has no end.
+
+    Raises:
+        StudyError: its last line was changed. RecordError: it cannot be read.
+
+    """
     try:
         with open_file(path) as file:
             content = document_bytes(file)
@@ -181,6 +204,8 @@ def _entries(path: Path) -> list[Entry]:
     except OSError as error:
         raise refused(path, error, "read") from error
     lines = [entry_of(line) for line in content.split(b"\n") if line]
+    if lines and lines[-1] is None and content.endswith(b"\n"):
+        raise _damaged(path, "its last line is none of a study: it was changed")
     return [one for one in lines if one is not None and one.kind in (STUDY_BEGUN, STUDY_TAKEN)]
 
 

@@ -45,18 +45,19 @@ def hash_of(files: Mapping[str, bytes]) -> str:
     return hashlib.sha256("".join(lines).encode()).hexdigest()
 
 
+def is_as_kept(trace: Path, removed: Entry) -> bool:
+    """Whether the folder of a trace is the one that the line of its run's removal names."""
+    try:
+        now = hash_of({one.name: read_file(one, None) for one in trace.iterdir()})
+    except (OSError, RecordError):
+        return False
+    return now == str(removed.fields["trace"])
+
+
 def trace_problems(data: Path, removed: Mapping[str, Entry]) -> list[Problem]:
     """Return the traces that are not as they were kept; removed: the lines of the removals, by run."""
     found = []
     for run, line in removed.items():
-        kept = str(line.fields["trace"])
-        if not kept:
-            continue
-        folder = data / FOLDER / run
-        try:
-            now = hash_of({one.name: read_file(one, None) for one in folder.iterdir()})
-        except (OSError, RecordError):
-            now = ""
-        if now != kept:
+        if line.fields["trace"] and not is_as_kept(data / FOLDER / run, line):
             found.append(Problem("trace", run, f"{run}: its trace is missing, or not as it was kept"))
     return found

@@ -1,4 +1,4 @@
-"""Everything of a data folder held against its chain: every line, every signature, run and file; recipes too."""
+"""Everything of a data folder held against its chain: lines, signatures, runs and files; recipes and studies too."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from station.records.revisions.history import History
 from station.records.run_folders import is_text
 from station.records.run_record import RunRecord
 from station.records.seal import alterations, is_sealed
+from station.records.studies import study_problems
 from station.records.traces import trace_problems
 
 NAMED_ONCE = frozenset({"renamed", "copied", "swapped", "not_in_chain"})
@@ -100,12 +101,24 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
             continue
         if run.id not in told:
             problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
-    history = History(data, trust.keys)
-    problems += [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
+    problems += _recipe_problems(data, trust)
+    problems += [Problem("study", "", text) for text in study_problems(data, trust.keys)]
     here = {one.id for one in runs}
     gone = {run for run, line in found.removed.items() if line.key in trust.keys and run not in here}
-    kept = len(gone & read_note(data).runs.keys()) if gone else 0
-    return Verified(chain, found, trust, len(runs), concluded, problems, len(gone), kept)
+    try:
+        archived = set(read_note(data).runs)
+    except RecordError as error:
+        archived = set()
+        problems.append(Problem("archive", "", str(error)))
+    return Verified(chain, found, trust, len(runs), concluded, problems, len(gone), len(gone & archived))
+
+
+def _recipe_problems(data: Path, trust: Trust) -> list[Problem]:
+    try:
+        history = History(data, trust.keys)
+    except RecordError as error:
+        return [Problem("recipes", "", str(error))]
+    return [Problem("recipes", "", text) for text in (*history.problems, *history.text_problems())]
 
 
 def _named_in(run: RunRecord) -> str | None:

@@ -14,6 +14,7 @@ from contextlib import suppress
 
 from sqlalchemy import Connection, RowMapping, delete, insert, select, update
 
+from station.errors import RecordError
 from station.records.chain.chain_file import Chain, folder_id
 from station.records.chain.problems import PROBLEMS, Problem
 from station.records.chain.walk import Place, Walk, walk
@@ -34,9 +35,17 @@ SEALED_LINE = b'\n{"kind":"sealed"'
 """How a line begins that concludes a run, with the end of the line before it."""
 
 Told = Callable[[int, int], None]
+Warned = Callable[[str], None]
 
 
-def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, told: Told | None = None) -> int:
+def catch_up(
+    database: Database,
+    chain: Chain,
+    *,
+    most_s: float | None = None,
+    told: Told | None = None,
+    warned: Warned | None = None,
+) -> int:
     """Bring the store up to the chain; return how many runs it is still behind.
 
     Args:
@@ -44,6 +53,7 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
         chain: of the data folder; one that was read just now.
         most_s: time after which no further batch is begun; None: until all is there.
         told: is called with the runs that are done and those that there are.
+        warned: is called with what could not be put in, beside the runs.
 
     Raises:
         StoreError: the store cannot be used; what was put into it stays.
@@ -66,7 +76,7 @@ def catch_up(database: Database, chain: Chain, *, most_s: float | None = None, t
     done, before = 0, -1
     while True:
         with database.writing() as connection:
-            left, offset = _one_batch(connection, chain, read)
+            left, offset = _one_batch(connection, chain, read, warned)
         done += BATCH
         if told is not None and left:
             told(done, done + left)
@@ -135,11 +145,11 @@ def remove_runs(database: Database, chain: Chain, runs: Collection[str]) -> None
             connection.execute(delete(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id))
 
 
-def rebuild(database: Database, chain: Chain, told: Told | None = None) -> None:
+def rebuild(database: Database, chain: Chain, told: Told | None = None, warned: Warned | None = None) -> None:
     """Make the rows of a data folder again, from its chain; the next look puts in what was there before the chain."""
     with database.writing() as connection:
         remove_chain(connection, chain.id)
-    catch_up(database, chain, told=told)
+    catch_up(database, chain, told=told, warned=warned)
     database.learn_sizes(anew=True)
 
 
@@ -184,7 +194,7 @@ def _keep_seen(database: Database, chain: Chain) -> None:
             connection.execute(update(PROJECTIONS).where(PROJECTIONS.c.chain == chain.id).values(seen=chain.seen))
 
 
-def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[int, int]:
+def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar, warned: Warned | None) -> tuple[int, int]:
     """Put the next runs of the chain into the store; return how many are left, and how far the store has come.
 
     None are left only at the end of the chain; how far: bytes of its file.
@@ -202,7 +212,11 @@ def _one_batch(connection: Connection, chain: Chain, read: _ReadSoFar) -> tuple[
         known = set(chain.runs()) | set(() if chain.before is None else chain.before.unconcluded)
         named_then = _begun_there(connection, chain).union(run for run, entry in stored.items() if entry)
         remove_rows(connection, chain, sorted(named_then - known))
-        put_archived(connection, chain)
+        try:
+            put_archived(connection, chain)
+        except RecordError as error:  # the runs themselves do not rest on the note
+            if warned is not None:
+                warned(f"{error}. Until then the store does not learn which runs are archived")
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id))
     else:
         stored = _entries_there(connection, chain, named)

@@ -34,7 +34,7 @@ from station.store.engines import IN_MEMORY
 from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals
-from station.store.rows.projection import seen_files
+from station.store.rows.projection import seen_files, waits_for_its_name
 from station.store.tables import ATTEMPTS, RECIPES, RUNS
 from station.there import NOT_THERE
 
@@ -119,7 +119,7 @@ def warn(text: str) -> None:
 
 
 def _looked(data: Path, chain: Chain, database: Database) -> View:
-    catch_up(database, chain, told=_tell)
+    catch_up(database, chain, told=_tell, warned=warn)
     there = _folders(data)
     folders = {name: seen_then for name, seen_then in there.items() if is_text(name)}
     with database.reading() as connection:
@@ -135,15 +135,15 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     with database.reading() as connection:
         stored, altered = _stored(connection, chain) if changed or gone else (stored, altered)
         found = stored_walk(connection, chain)
+        before, old_problems = runs_before(chain)
+        known = {*stored, *before} if chain.there else set(folders)
         absent = [run for run in stored if run not in folders]
-        removed = set(removals(connection, chain, view.trust)) if absent else set()
+        removed = set(removals(connection, chain, view.trust)) if absent or known - folders.keys() else set()
     view.missing = [run for run in absent if run not in removed]
     view.runs = sorted([*folders, *view.missing])
     view.open = [run for run, was in stored.items() if was is None and run in folders]
     held: dict[str, str | None] = dict(zip(folders, folders, strict=True))
     held |= {name: _named_in(data, name) for name in {*changed, *strays, *altered} if name in folders}
-    before, old_problems = runs_before(chain)
-    known = {*stored, *before} if chain.there else set(folders)
     sealed = {run for run, was in stored.items() if was is not None}
     named = folder_problems(data, known, held, _About(database, chain), sealed=sealed, removed=removed)
     told = {problem.run for problem in named}
@@ -154,6 +154,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
         for run, texts in altered.items()
         if run not in told and run in folders
         for text in texts
+        if not waits_for_its_name(text)
     ]
     return view
 

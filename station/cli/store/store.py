@@ -58,7 +58,7 @@ def rebuild_store(data: Path, *, as_json: bool) -> int:
 def _rebuilt(data: Path, *, as_json: bool) -> int:
     database = opened(data, may_take_long=True)
     try:
-        rebuild(database, Chain(data), told=_tell)
+        rebuild(database, Chain(data), told=_tell, warned=warn)
         with look_at(data):
             pass
         found = counts(database, Chain(data))

@@ -16,7 +16,8 @@ from station.atomic_file import open_file, refused, seen_text, sync_folder
 from station.documents.manifest import MANIFEST
 from station.records.chain.blocks import lines_in, lines_with
 from station.records.chain.entries import REMOVED, START, Entry, entry_of, text_in_line
-from station.records.chain.head import chain_seen_in
+from station.records.chain.head import chain_seen_in, counting_keys
+from station.records.chain.keys import own_public_key
 from station.records.chain.old_index import BeforeChain
 from station.there import is_there
 
@@ -96,14 +97,24 @@ class Chain:
     def start(self) -> Entry | None:
         """The first entry, however many lines of another hand are before it; None where none is there that is signed.
 
-        Anybody can write lines there: no run loses its verdict by them.
+        Anybody can write lines there, and sign them with a key of his own: no run loses its verdict by them. So it is
+        the first one of a key that counts, and only where there is none the first of any key.
         """
         if self._start is None:
-            self._start = _start_in(self._first_lines())
+            self._start = self._of_counting_key(_starts_in(self._first_lines()))
         if self._start is None and self._without_start != (seen := self.seen_now()):
-            self._start = _start_in(lines_with(self.path, START_BEGINS))
+            starts = _starts_in(lines_with(self.path, START_BEGINS))
+            self._start = self._of_counting_key(starts) or next(iter(starts), None)
             self._without_start = seen  # who looks at many runs does not look through the whole file for each
         return self._start
+
+    def _of_counting_key(self, starts: Iterable[Entry]) -> Entry | None:
+        own = own_public_key()
+        return next((one for one in starts if one.key == own or self._counts_by_its_key(one)), None)
+
+    def _counts_by_its_key(self, start: Entry) -> bool:
+        known, of_folder = counting_keys(self.data, str(start.fields["chain"]))
+        return start.key in known | of_folder
 
     @property
     def id(self) -> str:
@@ -172,9 +183,9 @@ class Chain:
         return (entry for line in lines if (entry := entry_of(line)) is not None)
 
 
-def _start_in(lines: Iterable[bytes]) -> Entry | None:
-    entries = (entry_of(line) for line in lines)
-    return next((one for one in entries if one is not None and one.kind == START and one.signed), None)
+def _starts_in(lines: Iterable[bytes]) -> list[Entry]:
+    entries = map(entry_of, lines)
+    return [one for one in entries if one is not None and one.kind == START and one.signed]
 
 
 def put_created_in_place(folder: Path) -> None:

@@ -19,7 +19,14 @@ from station.atomic_file import LARGEST_SMALL_FILE, read_file, write_atomic
 from station.documents.entries import Plain
 from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
-from station.records.chain.keys import BenchKey, signed_by
+from station.records.chain.keys import (
+    FOLDER_KEYS,
+    BenchKey,
+    keys_in,
+    own_public_key,
+    signed_by,
+    trusted_by_person,
+)
 
 CHAINS, FOLDERS = "chains", "folders"
 
@@ -71,6 +78,19 @@ def chain_seen_in(data: Path) -> str | None:
     """Return the id of the chain that this computer last wrote in a data folder; None where it never did."""
     found = _read(own_place() / FOLDERS / f"{_path_name(data)}.json")
     return None if found is None else str(found.get("chain"))
+
+
+def counting_keys(data: Path, chain: str) -> tuple[frozenset[str], frozenset[str]]:
+    """Return the keys that count in a data folder with this chain: those known here, and others known from it alone.
+
+    The folder itself is asked on a computer that never wrote to it, and knows the chain from nowhere else.
+    """
+    own = own_public_key()
+    known = {*trusted_by_person(), *([own] if own else [])}
+    heads = heads_of(chain)
+    if heads or chain_seen_in(data) is not None:
+        return frozenset(known.union(*(head.keys for head in heads))), frozenset()
+    return frozenset(known), frozenset(keys_in(data / FOLDER_KEYS)) - known
 
 
 def keep_head(head: Head, data: Path, key: BenchKey) -> None:

@@ -25,7 +25,7 @@ from cryptography.hazmat.primitives.serialization import (
     load_pem_private_key,
 )
 
-from station.atomic_file import LARGEST_SMALL_FILE, document_bytes, open_file, refused, sync_folder
+from station.atomic_file import LARGEST_SMALL_FILE, document_bytes, open_file, open_handle, refused, sync_folder
 from station.errors import RecordError, StationError
 from station.own_place import own_folder, own_place
 
@@ -182,7 +182,7 @@ def _add(path: Path, key: str, remark: str) -> None:
     if key in keys_in(path):
         return
     try:
-        handle = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
+        handle = open_handle(path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW, 0o644)
         try:
             os.write(handle, f"{key}  {remark}\n".encode())
             os.fsync(handle)

@@ -106,6 +106,12 @@ def entries_of_run(data: Path, run: str) -> list[Entry]:
     return _counting(data, RUN_BEGINS + text_in_line(run) + RUN_ENDS)
 
 
+def removals_of_serial(data: Path, serial: str) -> dict[str, Entry]:
+    """Return the lines that count by which a rule removed records of a serial number, by run; RecordError as above."""
+    found = _counting(data, b',"serial":' + text_in_line(serial) + b',"sha256":')
+    return {str(one.fields["run"]): one for one in found if one.kind == REMOVED}
+
+
 def last_begun_on_each_bench(data: Path) -> dict[str, str]:
     """Return the run that was begun last with each text of a bench file, by its SHA-256; RecordError as above."""
     last: dict[bytes, bytes] = {}

@@ -29,6 +29,8 @@ PROBLEMS: dict[str, str] = {
     "attempt": "Two attempts of a unit have the same number, or one is missing. "
     "Compare the runs of this serial number with a backup",
     "recipes": "The stored recipes were changed. Restore recipes.jsonl and the folder 'recipes' from a backup",
+    "archive": "The list of archived runs cannot be read. Move it away: 'lostmotion archive verify' makes it again",
+    "study": "The file of a guided study was changed. Restore the folder 'studies' from a backup",
 }
 """Kinds of problem and what to do about them."""
 

@@ -1,20 +1,22 @@
 """A chain from its first line to its last: every hash, every counter, every signature, and what each run has there.
 
 Anybody can add a line. One that does not count, as `writing` says, is named, and the next line is held against the
-line before it; so is one that has a number again which was there already. Earlier programs wrote on behind whatever
+line before it; so is one that has a number again which was there already. A line of a key that nobody trusts takes no
+place from one of a trusted key that belongs there. Earlier programs wrote on behind whatever
 line was the last: that is no break either.
 """
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 from station.records.chain.chain_file import CHAIN, FIRST_LINES, Chain
 from station.records.chain.entries import CREATED, LOST, REMOVED, SEALED, START, Entry, entry_of, object_in
-from station.records.chain.head import chain_seen_in, head_of, heads_of
-from station.records.chain.keys import FOLDER_KEYS, keys_in, own_public_key, trusted_by_person
+from station.records.chain.head import chain_seen_in, counting_keys, head_of
+from station.records.chain.keys import FOLDER_KEYS
 from station.records.chain.problems import Problem
 from station.wall_clock import SLACK
 
@@ -64,6 +66,7 @@ def walk(
     found = Walk(begin or Place())
     content, at = chain.content, found.place.offset
     last, aside = Last(found.place.counter, found.place.sha256), None
+    sure = last
     keys = trust_of(chain).keys if trusted is None else trusted
     newest: Entry | None = None
     strange, from_first = 0, not at
@@ -85,14 +88,17 @@ def walk(
             aside = this
             continue
         wrong = _link_problems(entry, last)
+        if wrong and entry.key in keys and not _link_problems(entry, sure):
+            wrong, last = [], sure  # what stands between was put there by a key that nobody trusts
         before = aside if wrong and aside is not None and aside.counter == entry.counter - 1 else last
         found.problems += _link_problems(entry, before)
-        _take(found, entry)
+        _take(found, entry, keys)
         repeats = bool(wrong) and entry.kind != LOST and entry.counter <= last.counter
         if (entry.key in keys and not repeats) or not (wrong or entry.kind == LOST):
             if newest is not None and newest.at - entry.at > SLACK:
                 found.back.append(_runs_back(entry, newest))
             last, aside, newest = this, None, entry
+            sure = this if entry.key in keys else sure
         else:
             aside = this
     found.place = Place(at, last.counter, last.sha256)
@@ -107,16 +113,16 @@ def follows(entry: Entry, last: Entry) -> bool:
     return not _link_problems(entry, Last(last.counter, last.sha256))
 
 
-def _take(found: Walk, entry: Entry) -> None:
+def _take(found: Walk, entry: Entry, keys: frozenset[str]) -> None:
     found.entries += 1
     found.keys[entry.key] += 1
     run = str(entry.fields.get("run", ""))
-    if entry.kind == CREATED:
-        found.created[run] = entry
+    if entry.kind in (CREATED, REMOVED):
+        there = found.created if entry.kind == CREATED else found.removed
+        if entry.key in keys or run not in there:
+            there[run] = entry
     elif entry.kind == SEALED:
         found.sealed.setdefault(run, []).append(entry)
-    elif entry.kind == REMOVED:
-        found.removed[run] = entry
     elif entry.kind == LOST:
         first, last = entry.fields["first"], entry.fields["last"]
         text = f"{CHAIN}: entries {first} to {last} were gone when entry {entry.counter} was written"
@@ -233,18 +239,26 @@ def trust_of(chain: Chain, named: tuple[str, ...] = ()) -> Trust:
     """
     if named:
         return Trust(frozenset(named))
-    own = own_public_key()
-    known = {*trusted_by_person(), *([own] if own else [])}
-    heads = heads_of(chain.id)
-    if heads or chain_seen_in(chain.data) is not None:
-        return Trust(frozenset(known.union(*(head.keys for head in heads))))
-    in_folder = set(keys_in(chain.data / FOLDER_KEYS))
-    unknown = sorted(in_folder - known)
+    known, unknown = counting_keys(chain.data, chain.id)
     text = (
         f"{FOLDER_KEYS}: the public key that signed this folder is known from the folder itself only "
-        f"({', '.join(unknown)}). Compare it with the bench's, or name it with --key"
+        f"({', '.join(sorted(unknown))}). Compare it with the bench's, or name it with --key"
     )
-    return Trust(frozenset(known | in_folder), text if unknown else "")
+    return Trust(known | unknown, text if unknown else "")
+
+
+def candidates(chain: Chain, entries: Iterable[Entry], trusted: frozenset[str] | None = None) -> list[Entry]:
+    """Return which of these entries say something: the signed ones, and where some are of trusted keys only those.
+
+    Anybody can sign a line with a key of his own and put it before the right one.
+
+    trusted: None for the keys that this computer knows.
+    """
+    signed = [one for one in entries if one.signed]
+    if len({one.key for one in signed}) < 2:
+        return signed
+    keys = trust_of(chain).keys if trusted is None else trusted
+    return [one for one in signed if one.key in keys] or signed
 
 
 def key_problems(found: Walk, trust: Trust) -> list[Problem]:

@@ -8,12 +8,19 @@ from sqlalchemy import Connection, delete, insert, select
 
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import Entry
-from station.records.chain.walk import Trust
+from station.records.chain.walk import Trust, trust_of
 from station.store.tables import REMOVALS
 
 
 def put_removals(connection: Connection, chain: Chain, lines: Mapping[str, Entry]) -> None:
-    """Put what signed lines say of runs, by run, in the place of what earlier ones said of these."""
+    """Put what signed lines say of runs, by run, in the place of what earlier ones said of these.
+
+    One of a key that nobody trusts takes no place of one that counts.
+    """
+    if lines:
+        trust = trust_of(chain)
+        said = removals(connection, chain, trust, list(lines))
+        lines = {run: line for run, line in lines.items() if line.key in trust.keys or run not in said}
     if lines:
         connection.execute(delete(REMOVALS).where(REMOVALS.c.chain == chain.id, REMOVALS.c.run.in_(list(lines))))
         rows = [

@@ -16,11 +16,11 @@ def put_archived(connection: Connection, chain: Chain) -> None:
     """Put the addresses of a data folder's archived runs in the place of those that are there.
 
     Raises:
-        RecordError: the note cannot be read.
+        RecordError: the note cannot be read; what is there stays.
 
     """
-    connection.execute(delete(ARCHIVED).where(ARCHIVED.c.chain == chain.id))
     rows = _rows(read_note(chain.data), chain.id)
+    connection.execute(delete(ARCHIVED).where(ARCHIVED.c.chain == chain.id))
     for begin in range(0, len(rows), ROWS_AT_ONCE):
         connection.execute(insert(ARCHIVED), rows[begin : begin + ROWS_AT_ONCE])
 

@@ -21,6 +21,7 @@ from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.head import chain_seen_in
+from station.records.chain.walk import candidates
 from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import NO_RESULT, NOT_READ, alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
@@ -36,6 +37,8 @@ MOST_AT_ONCE = 500
 """Runs that one statement names: databases have limits."""
 
 LONGEST_CAUSE = 200
+
+NOT_IN_PLACE = f"{MANIFEST}: the one that was sealed is not in its place yet"
 
 REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
 """How a database, or what speaks to it, refuses a value: one too large, a text that it cannot write, a row twice."""
@@ -61,17 +64,15 @@ def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
 
 def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Rows, bool]:
     """Return the rows of a run, and whether some file of it could not be read."""
-    entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
-    created = next((entry for entry in entries if entry.kind == CREATED), None)
-    sealed = next((entry for entry in entries if entry.kind == SEALED), None)
+    created, sealed = _entries_of(run, chain)
     name, start = chain.id, chain.start
-    signers = {entry.key for entry in (*entries, *([start] if start else []))}  # whom to trust is asked by who looks
+    signers = {one.key for one in (created, sealed, start) if one is not None}  # whom to trust is asked by who looks
     try:
         manifest = run.manifest()
         concluded = sealed is not None or is_sealed(manifest)
         altered = alterations(run, samples=samples, chain=chain, trusted=frozenset(signers))
         if sealed is not None and not is_sealed(manifest):
-            altered = altered or (f"{MANIFEST}: is still being written. Look again in a moment",)
+            altered = altered or (_not_in_place(run),)
         result = run.read(Result, RESULT) if concluded and not altered else None
         found = _attempt_rows(run, chain, manifest, created)
         if concluded:
@@ -81,7 +82,27 @@ def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Ro
     except RecordError as error:
         unread = isinstance(error.__cause__, OSError)
         return _damaged_rows(run, chain, created, sealed, f"{MANIFEST}: {error}"), unread
-    return found, any(text.endswith((NOT_READ, NO_RESULT)) for text in altered)
+    return found, any(text.endswith((NOT_READ, NO_RESULT)) or waits_for_its_name(text) for text in altered)
+
+
+def _entries_of(run: RunRecord, chain: Chain) -> tuple[Entry | None, Entry | None]:
+    """Return the lines that begin and conclude a run, as far as the chain has them."""
+    found = [
+        next(iter(candidates(chain, (one for one in chain.entries_of(run.id) if one.kind == kind))), None)
+        for kind in (CREATED, SEALED)
+    ]
+    return found[0], found[1]
+
+
+def waits_for_its_name(text: str) -> bool:
+    """Whether this is said of a run whose sealed run.json has not got its name yet: nothing of it was altered."""
+    return text.startswith(NOT_IN_PLACE)
+
+
+def _not_in_place(run: RunRecord) -> str:
+    if run.deserted():
+        return f"{NOT_IN_PLACE}: its process has ended. Run 'lostmotion conclude {run.id}'"
+    return f"{NOT_IN_PLACE}: it is still being written. Look again in a moment"
 
 
 def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
@@ -273,9 +294,7 @@ def _damaged_rows(run: RunRecord, chain: Chain, created: Entry | None, sealed: E
 
 def _refused_rows(run: RunRecord, chain: Chain, cause: str) -> Rows:
     """Return what the chain alone says of a run that has a value which the database cannot hold."""
-    entries = [entry for entry in chain.entries_of(run.id) if entry.signed]
-    created = next((entry for entry in entries if entry.kind == CREATED), None)
-    sealed = next((entry for entry in entries if entry.kind == SEALED), None)
+    created, sealed = _entries_of(run, chain)
     text = f"{MANIFEST}: has a value that the store cannot hold: {cause[:LONGEST_CAUSE]}. {NEXT_STEP}"
     return _damaged_rows(run, chain, created, sealed, text)
 

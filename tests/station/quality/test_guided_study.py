@@ -20,6 +20,7 @@ from station.errors import StationError
 from station.quality.guided.plan import Asked, plan_of
 from station.quality.guided.progress import look, settle
 from station.records.studies import Study, StudyError, begin_study, read_study
+from station.records.verify import verify_folder
 from station.store.quality.lot import Lot, production
 from virtual_bench.errors import VirtualBenchError
 
@@ -190,6 +191,8 @@ def changed(text: str) -> str:
         (changed, "line 1 is not signed"),
         (lambda text: text.split("\n", 1)[1], "line 1 does not follow"),
         (lambda text: "\n".join(text.split("\n")[:1] + text.split("\n")[2:]), "line 2 does not follow"),
+        (lambda text: f"{text[:-2]})\n", "its last line"),
+        (lambda text: f"{text.split(chr(10))[0][:-1]})\n", "its last line"),
     ],
 )
 def test_a_file_that_was_changed_measures_and_evaluates_nothing(
@@ -199,9 +202,12 @@ def test_a_file_that_was_changed_measures_and_evaluates_nothing(
     for step in (1, 2):
         measured(data, study, step)
     settle(data, "g", "Q")
+    study.path.with_name("killed.jsonl").touch()
+    assert verify_folder(data).problems == []
     study.path.write_text(deed(study.path.read_text("utf-8")), "utf-8")
     with pytest.raises(StudyError, match=said):
         look(data, "g")
+    assert [(one.kind, said in one.text) for one in verify_folder(data).problems] == [("study", True)]
     for words in (("next",), ("status",), ("evaluate",), ("measure",)):
         assert here("quality", "study", *words, "g", "--data", str(data)).exit_code == 2
 

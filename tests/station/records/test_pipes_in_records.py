@@ -26,10 +26,12 @@ from station.atomic_file import (
 )
 from station.errors import RecordError
 from station.own_place import PLACE, own_folder
+from station.records.archive_note import NOTE
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.keys import FOLDER_KEYS, KEYS, PRIVATE, keys_in, own_key, own_public_key
 from station.records.chain.old_index import INDEX
 from station.records.data_folder import Store
+from station.records.revisions.history import HISTORY
 from station.records.run_lock import LOCK, RunLock
 from station.records.run_record import RunRecord
 
@@ -138,6 +140,28 @@ def test_an_index_that_is_a_pipe_begins_no_chain(tmp_path: Path) -> None:
     with pytest.raises(RecordError, match=f"{INDEX}: cannot be read"):
         Store(tmp_path).create("U", SETUP, {})
     assert not (tmp_path / CHAIN).exists()
+
+
+@pytest.mark.parametrize("how", ["folder", "pipe", "link loop"])
+@pytest.mark.parametrize(("name", "kind"), [(HISTORY, "recipes"), (NOTE, "archive")])
+def test_one_file_beside_the_runs_ends_no_look_at_them(sealed: RunRecord, name: str, kind: str, how: str) -> None:
+    path = sealed.folder.parent / name
+    if how == "link loop":
+        path.symlink_to(name)
+    else:
+        (os.mkfifo if how == "pipe" else os.mkdir)(path)
+    told = command(sealed, "verify", "--json")
+    assert told.exit_code == 1, told
+    assert kind in [one["kind"] for one in told.json["problems"]]
+    rebuilt, listed = command(sealed, "store", "rebuild"), command(sealed, "list")
+    assert (f"WARNING  {path}: cannot be read" in rebuilt.err) is (kind == "archive"), rebuilt
+    assert (rebuilt.exit_code, listed.exit_code, "PASS" in listed.out) == (0, 0, True), listed
+
+
+def test_keys_that_are_a_pipe_keep_a_run_from_its_start(sealed: RunRecord) -> None:
+    path = pipe_at(sealed.folder.parent / FOLDER_KEYS)
+    with pytest.raises(RecordError, match=f"{path}: cannot be written: .*a pipe"):
+        Store(path.parent).create("U", SETUP, {})
 
 
 def test_a_lock_that_is_a_pipe_has_no_owner(tmp_path: Path) -> None:

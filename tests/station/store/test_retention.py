@@ -191,7 +191,8 @@ def test_a_trace_keeps_result_and_loop_and_is_checked(worn_run: Any, tmp_path: P
     data, file = tmp_path / "runs", tmp_path / "backup.tar"
     shutil.copytree(worn_run.data, data)
     worn = Store(data).newest(1)[0]
-    store_run(data, worn.serial() or "", [metric(0.4)], day=3000.0)
+    serial = worn.serial() or ""
+    store_run(data, serial, [metric(0.4)], day=3000.0)
     store_run(data, "NEXT", [metric(0.4)], day=3000.0)
     (data / "retention.yaml").write_text("rules:\n  - {id: all, keep_days: 1, then: trace}\n", encoding="utf-8")
     back_up(data, file)
@@ -205,6 +206,8 @@ def test_a_trace_keeps_result_and_loop_and_is_checked(worn_run: Any, tmp_path: P
     assert {path.name for path in trace.iterdir()} >= {"run.json", "result.json", "loop.csv"}
     assert json.loads((trace / "result.json").read_bytes())["verdict"] == "FAIL"
     assert "trace" not in {problem.kind for problem in verify_folder(data).problems}
+    told = {row.run: row for row in Store(data).attempts_of(serial)}[worn.id]
+    assert (told.verdict, told.aside, bool(told.failed)) == ("FAIL", "simulated", True)
     (trace / "loop.csv").write_text("other", encoding="utf-8")
     assert [problem.run for problem in verify_folder(data).problems if problem.kind == "trace"] == [worn.id]
 

@@ -274,7 +274,7 @@ def test_every_deed_is_named_and_leaves_no_altered_run_its_verdict(data: Path, d
 
 
 def test_every_kind_of_problem_is_met_or_belongs_to_another_test() -> None:
-    elsewhere = {"trace", "broken_link", "lost_entries", "old_index", "attempt", "recipes"}
+    elsewhere = {"trace", "broken_link", "lost_entries", "old_index", "attempt", "recipes", "archive", "study"}
     assert {kind for _, kind in DEEDS.values()} | elsewhere == set(PROBLEMS)
 
 

@@ -18,10 +18,11 @@ from definitions.number_formats import LARGEST_COUNT
 from station.errors import RecordError
 from station.own_place import PLACE
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
-from station.records.chain.entries import CREATED, LOST, Entry, entry_of, signed_entry
+from station.records.chain.entries import CREATED, FIELDS, LOST, SEALED, START, Entry, entry_of, signed_entry
 from station.records.chain.head import Head, head_of, keep_head
 from station.records.chain.keys import own_key, trust
 from station.records.data_folder import Store
+from station.records.seal import seal
 from station.records.verify import verify_folder
 from station.run.run_list import row
 
@@ -149,6 +150,46 @@ def test_forged_lines_within_a_run_leave_it_its_verdict(data: Path) -> None:
     write(data, [*whole[:2], unsigned(data), foreign(data, counter=NEAR), *whole[2:]])
     assert kinds(data) == {"forged_entry", "removed_entries", "unknown_key", "missing"}
     assert [row(run).verdict for run in Store(data).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
+
+
+@pytest.mark.parametrize("number", [1, 6])
+@pytest.mark.parametrize("elsewhere", [True, False])
+def test_a_foreign_start_before_the_first_entry_is_named_and_passed_over(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int, *, elsewhere: bool
+) -> None:
+    chain, whole = Chain(data).id, lines(data)
+    start = signed_entry(START, 1, "", "then", a_key(), chain="f" * 32, before=None, replaces=None)
+    write(data, [*[start.line + b"\n"] * number, *whole])
+    if elsewhere:
+        another_computer(monkeypatch, tmp_path)
+    assert Chain(data).id == chain
+    assert kinds(data) == {"unknown_key"} | ({"reordered_entries"} if number > 1 else set())
+    assert [row(run).verdict for run in Store(data).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
+    place = store_run(data, "D", [metric(0.4)]).manifest().chain
+    assert place is not None
+    assert place.id == chain
+    write(data, lines(data)[:-2])
+    assert "truncated" in kinds(data)
+
+
+def test_foreign_copies_before_the_lines_of_runs_are_named_and_passed_over(data: Path) -> None:
+    run, key = Store(data).create("D", SETUP, {}), a_key()
+    entries = [entry for line in lines(data) if (entry := entry_of(line[:-1])) is not None]
+    changed: list[bytes] = []
+    for entry in entries:
+        said = {name: entry.fields[name] for name in FIELDS[entry.kind]}
+        if entry.kind in (CREATED, SEALED):
+            forged = said | ({"attempt": 9000} if entry.kind == CREATED else {"sha256": "0" * 64, "verdict": "PASS"})
+            copy = signed_entry(entry.kind, entry.counter, entry.fields["previous"], "then", key, **forged)
+            changed.append(copy.line + b"\n")
+        changed.append(entry.line + b"\n")
+    write(data, changed)
+    assert kinds(data) == {"unknown_key"}
+    assert [row(one).verdict for one in Store(data).runs()] == ["FAIL", "PASS", "PASS", "PASS", None]
+    assert "altered" not in here("list", "--data", str(data)).out
+    seal(run, state="complete", verdict="PASS")
+    assert kinds(data) == {"unknown_key", "altered"}, "the run has no result"
+    assert store_run(data, "D", [metric(0.4)]).manifest().attempt == 2
 
 
 def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path) -> None:

@@ -9,17 +9,21 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from chain_folders import another_computer, folder
+from chain_folders import a_key, another_computer, folder, lines, write
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from station.records.chain.chain_file import CHAIN
+from station.records.chain.entries import REMOVED, signed_entry
 from station.records.chain.keys import FOLDER_KEYS
+from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.seal import seal
+from station.records.traces import keep_trace
 from station.records.verify import verify_folder
 from station.run.run_list import row
+from station.store.view import look_at
 
 
 def old_folder(data: Path) -> list[RunRecord]:
@@ -69,6 +73,28 @@ def test_what_is_done_to_runs_from_before_the_chain_is_named(
     store_run(old, "D", [metric(0.4)])
     deed(old)
     assert kind in {problem.kind for problem in verify_folder(old).problems}
+
+
+def test_a_run_from_before_the_chain_that_a_rule_has_removed_is_not_missing(old: Path) -> None:
+    store_run(old, "A", [metric(0.4)])
+    gone, lost = folder(old, 0), folder(old, 1)
+    with writing_to(old) as chain:
+        trace = keep_trace(old, gone.name, {one: (gone / one).read_bytes() for one in ("run.json", "result.json")})
+        chain.append(REMOVED, run=gone.name, serial="A", sha256="0", rule="r", person="p", trace=trace)
+    told = Store(old).attempts_of("A")
+    shutil.rmtree(gone)
+    assert [(one.attempt, one.verdict) for one in told] == [(1, "FAIL"), (2, "PASS"), (3, "PASS")]
+    assert Store(old).attempts_of("A") == told
+    with look_at(old) as view:
+        assert view.problems == verify_folder(old).problems == []
+    foreign = {"run": gone.name, "serial": "A", "sha256": "0", "rule": "x", "person": "p", "trace": ""}
+    write(old, [*lines(old), signed_entry(REMOVED, 99, "", "then", a_key(), **foreign).line + b"\n"])
+    with look_at(old) as view:
+        assert "missing" not in {one.kind for one in view.problems}
+    write(old, lines(old)[:-1])
+    shutil.rmtree(lost)
+    with look_at(old) as view:
+        assert [(one.kind, one.run) for one in view.problems] == [("missing", lost.name)]
 
 
 def test_an_open_run_from_before_the_chain_can_be_concluded(old: Path) -> None:

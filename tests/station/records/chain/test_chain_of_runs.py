@@ -19,8 +19,13 @@ from station.records.chain.chain_file import CREATED_MANIFEST, Chain
 from station.records.chain.entries import entry_of
 from station.records.chain.walk import walk
 from station.records.data_folder import Store
-from station.records.seal import seal
+from station.records.process_birth import process_birth
+from station.records.run_record import RunRecord
+from station.records.seal import CONCLUDED, seal
 from station.records.verify import verify_folder
+from station.run.run_list import row
+from station.store.stored_runs import runs_named
+from station.store.view import look_at
 
 
 def test_a_run_is_an_attempt_although_it_was_deleted(data: Path) -> None:
@@ -143,3 +148,21 @@ def test_a_unit_that_is_measured_while_a_folder_is_verified_is_no_problem(
     assert not happens
     assert {(one.kind, one.run) for one in found.problems} == ({("altered", old.name)} if altered else set())
     assert (found.runs, found.concluded) == (4, 3)
+
+
+@pytest.mark.parametrize("ended", [True, False])
+def test_a_sealed_run_json_that_waits_for_its_name_is_no_problem(data: Path, *, ended: bool) -> None:
+    run = RunRecord(folder(data, 1))
+    before = run.read_json("run.json")
+    (run.folder / "run.json").rename(run.folder / CONCLUDED)
+    desk = {"pid": os.getpid(), "birth": "gone" if ended else process_birth(os.getpid())}
+    run.write_json("run.json", before | {"state": "recording", "verdict": None, "files": None, "desk": desk})
+    for _ in range(2):
+        with look_at(data) as view, view.database.reading() as connection:
+            (found,) = runs_named(connection, view.chain, [run.id]).values()
+        assert (view.problems, verify_folder(data).problems) == ([], [])
+        assert ("lostmotion conclude" in found.altered) is ended
+    assert row(run).verdict is None
+    (run.folder / CONCLUDED).unlink()
+    with look_at(data) as view:
+        assert [(one.kind, one.run) for one in view.problems] == [("altered", run.id)]

@@ -24,7 +24,7 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import beginning_of, begun_with
+from station.records.begun_by import beginning_of, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
@@ -209,8 +209,8 @@ class Store:
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
                 parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256, "clock_right": clock_right}
-                parts |= begun_with({name: hashlib.sha256(content).hexdigest() for name, content in files.items()})
-                chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
+                begun = {name: hashlib.sha256(files[name]).hexdigest() for name in files if is_begun_with(name)}
+                chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, files=begun, **parts)
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings
         except OSError as error:

@@ -31,7 +31,7 @@ from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
-from station.records.folder_check import runs_before
+from station.records.folder_check import is_from_here, runs_before
 from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
@@ -146,6 +146,11 @@ def _attempt_of(manifest: Manifest, run: str, chain: Chain) -> int:
         return int(created.fields["attempt"])
     before, changed = runs_before(chain)
     return manifest.attempt if run in before or (changed and manifest.chain is None) else 0
+
+
+def _lost_its_line(manifest: Manifest, run: str, chain: Chain) -> bool:
+    """Whether a run was begun here by its run.json, and no line says so: of this chain some were lost."""
+    return manifest.id == run and is_from_here(manifest, chain) and beginning_of(chain, run) is None
 
 
 class Store:
@@ -293,19 +298,23 @@ class Store:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
 
         A damaged run that the chain does not know counts, for it may have been one of this serial number. The number
-        in a run.json counts only of a run from before the chain: any other has its number from the chain.
+        in a run.json counts only of a run from before the chain: any other has its number from the chain. A later run
+        that has lost its line counts as one, whatever its number: the next one must not be the first again.
         """
-        highest, damaged, where = last_attempt(self.data, serial), 0, chain.path
+        (highest, newest), lost, where = last_attempt(self.data, serial), 0, chain.path
         for record in self._named_by(serial, names):
             try:
                 manifest = record.manifest()
             except RecordError:
-                damaged += not chain.entries_of(record.id)
+                lost += not chain.entries_of(record.id)
                 continue
-            if manifest.serial == serial and manifest.attempt > highest:
+            if manifest.serial != serial:
+                continue
+            lost += record.id > newest and _lost_its_line(manifest, record.id, chain)
+            if manifest.attempt > highest:
                 said = _attempt_of(manifest, record.id, chain)
                 highest, where = max((highest, where), (said, record.folder / MANIFEST), key=itemgetter(0))
-        attempt = 1 + highest + damaged
+        attempt = 1 + highest + lost
         if attempt > LARGEST_COUNT:
             raise RecordError(
                 f"{where}: has attempt {highest} of {serial}; allowed is at most {LARGEST_COUNT - 1} before another "

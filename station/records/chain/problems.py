@@ -22,6 +22,8 @@ PROBLEMS: dict[str, str] = {
     "swapped": "The folders of two runs have exchanged names. Rename each to the run id in its run.json",
     "copied": "This folder is a copy of another run. Move the copy out of the data folder",
     "not_in_chain": "This run was not recorded in this data folder. Move it out of the data folder",
+    "lost_line": "The line of chain.jsonl that begins this run is gone. Restore this file from a backup; leave the run "
+    "where it is",
     "altered": "A file of the run was changed. Restore the run from a backup; an altered run gives no verdict",
     "damaged": "A file of the run is damaged. Restore the run from a backup",
     "trace": "A stored trace (torque and angle of a run) is missing or was changed. Restore the folder 'traces' from a "

@@ -165,6 +165,7 @@ DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {
     "delete the chain": (lambda data: (data / CHAIN).unlink(), "no_chain"),
     "empty the chain": (lambda data: write(data, []), "truncated"),
     "delete the first line": (lambda data: write(data, lines(data)[1:]), "no_start"),
+    "delete the lines of the newest run": (lambda data: write(data, lines(data)[:-2]), "lost_line"),
     "replace the folder": (replace_folder, "replaced"),
     "copy": (lambda data: shutil.copytree(folder(data, 1), data / "20300101T000000.000Z-B"), "copied"),
     "rename": (lambda data: folder(data, 1).rename(data / "20300101T000000.000Z-B"), "renamed"),

@@ -96,6 +96,12 @@ def test_runs_whose_lines_were_lost_count_as_one_attempt_each_whatever_they_say(
     assert {one.kind for one in verify_folder(tmp_path).problems if one.run == first.name} == {"lost_line"}
 
 
+def test_a_copy_that_nobody_has_concluded_is_no_attempt(tmp_path: Path) -> None:
+    first = Store(tmp_path).create("SN-1", SETUP, {})
+    shutil.copytree(first.folder, first.folder.with_name(f"20300105T090000.000Z-{first.id[21:]}"))
+    assert [one.run for one in Store(tmp_path).attempts_of("SN-1")] == [first.id]
+
+
 @pytest.mark.parametrize("size", [1, 100, 5000])
 def test_lines_are_found_wherever_the_blocks_of_a_reader_end(tmp_path: Path, monkeypatch, size: int) -> None:
     runs = [measured(tmp_path, "FAIL", f"SN-{number}").name for number in range(6)]

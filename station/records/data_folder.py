@@ -290,9 +290,9 @@ class Store:
         own = f"Z-{_folder_name(serial)}"
         end = own.lower()
         alike = (one for one in reversed(self._names()) if one[-len(end) :].lower() == end and not one.endswith(own))
-        newest = next(alike, None)
-        found = None if newest is None else RunRecord(self.data / newest).serial()
-        return found if found is not None and found.casefold() == serial.casefold() else ""
+        # Several serial numbers may share the name of a folder.
+        found = (RunRecord(self.data / one).serial() for one in alike)
+        return next((one for one in found if one is not None and one.casefold() == serial.casefold()), "")
 
     def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.

@@ -169,8 +169,8 @@ def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: p
         (errno.EIO, "Input/output error. The disk failed"),
         (errno.EACCES, "Permission denied. Give this user write permission"),
         (errno.EPERM, "Operation not permitted. Give this user write permission"),
-        (errno.ENOENT, "No such file or directory. Restore the missing folder of this path"),
-        (errno.ENOTDIR, "Not a directory. Restore the missing folder of this path"),
+        (errno.ENOENT, "No such file or directory. Restore what is missing of this path, from a backup"),
+        (errno.ENOTDIR, "Not a directory. Restore what is missing of this path, from a backup"),
         (errno.EFBIG, "File too large. Check the disk"),
     ],
 )

@@ -253,6 +253,22 @@ def test_a_profile_that_the_line_of_the_run_does_not_name_is_not_its_own(copied:
     assert "the record was altered: profiles/virtual-drive.yaml" in result["reasons"][0]
 
 
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_run_of_before_that_was_killed_before_it_had_a_program_is_interrupted_where_nothing_was_measured(
+    copied: RunRecord, tmp_path: Path, *, measured: bool
+) -> None:
+    desert(copied, ring=tmp_path / "gone", report=None)
+    (copied.folder / "program.json").unlink()
+    if measured:
+        with pytest.raises(RecordError, match=r"program\.json"):
+            recover(copied)
+    else:
+        copied.samples.write_bytes(b"")
+        recover(copied)
+    assert copied.state() == ("not concluded" if measured else "interrupted")
+    assert copied.manifest().files is None
+
+
 def test_run_json_that_names_another_recipe_than_its_line_in_the_chain_is_altered(
     quick_run: Any, tmp_path: Path
 ) -> None:

@@ -13,6 +13,7 @@ PROBLEMS: dict[str, str] = {
     "lost_entries": "Lines of chain.jsonl were cut off before this entry was written. Look for the runs in a backup",
     "no_chain": "The file chain.jsonl was removed. Restore it from a backup",
     "no_start": "The first line of chain.jsonl is missing or changed. Restore this file from a backup",
+    "strange_lines": "Lines of another hand stand before the first line of chain.jsonl. Take them out of this file",
     "replaced": "The data folder was emptied or replaced. Look for its runs in a backup",
     "unknown_key": "Another computer signed these entries. If it belongs to one of your benches, trust its public key: "
     "'lostmotion key --trust KEY'",

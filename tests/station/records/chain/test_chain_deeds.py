@@ -164,6 +164,7 @@ DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {
     ),
     "delete the chain": (lambda data: (data / CHAIN).unlink(), "no_chain"),
     "empty the chain": (lambda data: write(data, []), "truncated"),
+    "write before the first line": (lambda data: write(data, [b"junk\n"] * 4 + lines(data)), "strange_lines"),
     "delete the first line": (lambda data: write(data, lines(data)[1:]), "no_start"),
     "delete the lines of the newest run": (lambda data: write(data, lines(data)[:-2]), "lost_line"),
     "replace the folder": (replace_folder, "replaced"),

@@ -41,7 +41,7 @@ LARGEST_SMALL_FILE = 1 << 20
 
 _LET_IN = "Give this user write permission"
 _LET_READ = "Give this user read permission for this file and its folders"
-_PUT_BACK = "Restore the missing folder of this path"
+_PUT_BACK = "Restore what is missing of this path, from a backup"
 NEXT_ACTIONS: dict[int, str] = {
     ENOSPC: "Free space on this disk",
     EDQUOT: "Free disk space of this user, or raise the disk quota",
@@ -52,6 +52,7 @@ NEXT_ACTIONS: dict[int, str] = {
     EPERM: _LET_IN,
     ENOENT: _PUT_BACK,
     ENOTDIR: _PUT_BACK,
+    EINVAL: "Move away what lies in the place of a file. Where nothing else lies there, check the disk",
 }
 """What a person does about a disk, by what it answered."""
 

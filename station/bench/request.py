@@ -35,10 +35,9 @@ from recipes import (
 from recipes.checks.bus_load import BusFrame, bus_findings, bus_us
 from recipes.checks.missing_profile import missing_profile
 from recipes.compiler.compiler import compile_program
-from station.atomic_file import read_file, refused
+from station.atomic_file import read_file
 from station.bench.assemble import drive_brake_config, drive_profile, modbus_profile
 from station.bench.bus_traffic import bus_frames
-from station.bench.can_profile import DBC
 from station.bench.commissioned import (
     commissioning_note,
     is_virtual_drive,
@@ -58,8 +57,8 @@ from station.bench.measuring import (
 from station.documents.commissioning import StepDone
 from station.errors import StationError
 from station.records.master_parts import ProductRecipe, product_recipe
-from station.records.run_record import BENCH_COPY, PROFILES, RECIPE_COPY, RunRecord
-from station.there import is_file, is_folder
+from station.records.run_record import BENCH_COPY, PROFILE_ENDINGS, PROFILES, RECIPE_COPY, RunRecord
+from station.there import is_file, is_folder, is_there
 
 DRIVER_PROFILES = Path(drivers.__file__).parent / "profiles"
 
@@ -262,11 +261,11 @@ def find_profile(name: str, bench_path: Path) -> Path:
     That of a CAN sensor may be a DBC file. RecipeError with every place that names one which is nowhere.
     """
     folders = (bench_path.parent / "profiles", bench_path.parent, DRIVER_PROFILES)
-    places = [folder / f"{name}{ending}" for folder in folders for ending in (".yaml", DBC)]
+    places = [folder / f"{name}{ending}" for folder in folders for ending in PROFILE_ENDINGS]
     for place in places:
         if place.is_file():
             return place
-    shipped = [path for path in DRIVER_PROFILES.iterdir() if path.suffix in (".yaml", DBC)]
+    shipped = [path for path in DRIVER_PROFILES.iterdir() if path.suffix in PROFILE_ENDINGS]
     raise missing_profile(name, bench_path, shipped)
 
 
@@ -308,22 +307,19 @@ def stored_job(run: RunRecord) -> Job:
         RecordError: run.json is damaged, or one of the files cannot be read now.
 
     """
-    for profile in _stored_profiles(run.folder / PROFILES):
-        _stored_source(profile)
-    return _loaded(
-        lambda: _stored_source(run.folder / RECIPE_COPY),
-        lambda _: _stored_source(run.folder / BENCH_COPY),
-        run.day(),
-    )
+    return _loaded(lambda: _stored_source(run.folder / RECIPE_COPY), lambda _: _stored_bench(run), run.day())
 
 
-def _stored_profiles(folder: Path) -> list[Path]:
-    try:
-        return sorted(folder.iterdir())
-    except FileNotFoundError:
-        return []
-    except OSError as error:
-        raise refused(folder, error, "read") from error
+def _stored_bench(run: RunRecord) -> Source:
+    """Read the bench file of a record, whose profiles are there too: no other, as the shipped one, is taken for them.
+
+    What else lies in the folder of the profiles is nobody's.
+    """
+    source = _stored_source(run.folder / BENCH_COPY)
+    for name in source.bench().profile_names:
+        places = [run.folder / PROFILES / f"{name}{ending}" for ending in PROFILE_ENDINGS]
+        _stored_source(next((place for place in places if is_there(place) is not False), places[0]))
+    return source
 
 
 def _stored_source(path: Path) -> Source:

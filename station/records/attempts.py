@@ -72,6 +72,8 @@ def _attempt(run: RunRecord, serial: str, created: Entry | None, sealed: Entry |
         manifest = run.manifest()
     except StationError:
         manifest = None
+    if manifest is not None and manifest.id != run.id:
+        manifest = None  # a copy says nothing of the run that its folder is named after
     if manifest is not None and manifest.recovery_of is not None:
         return None
     if sealed is not None:

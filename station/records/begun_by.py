@@ -1,14 +1,14 @@
 """By what a run was begun: hashes of recipe and bench in run.json, and in the signed line that begins the run.
 
-That line has those of program and device profiles too: the conclusion takes from the program which scan belongs to
-which loop, and who reads a record takes from the profiles what its devices were told.
+That line has those of program and device profiles too, each by its name: the conclusion takes from the program which
+scan belongs to which loop, and who reads a record takes from the profiles what its devices were told. What it does not
+name is no part of what the run was begun with.
 
 Until a run is concluded anybody can change its files, and run.json with them; the line in the chain stays as it is.
 """
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -61,25 +61,20 @@ def is_begun_with(name: str) -> bool:
     return name == PROGRAM or name.startswith(f"{PROFILES}/")
 
 
-def begun_with(files: Mapping[str, str]) -> dict[str, str]:
-    """Return what the line that begins a run says of its program and profiles; files: SHA-256 of the run's, by name.
-
-    Of what is not there it says nothing.
-    """
-    profiles = sorted(
-        f"{sha256}  {name}\n" for name, sha256 in files.items() if is_begun_with(name) and name != PROGRAM
-    )
-    said = {"program": files.get(PROGRAM, "")}
-    return said | {"profiles": hashlib.sha256("".join(profiles).encode()).hexdigest() if profiles else ""}
+def begun_with(created: Entry) -> dict[str, str]:
+    """Return SHA-256 of program and profiles by the line that begins a run, by name; an older line names none."""
+    return dict(created.fields.get("files") or {})
 
 
 def not_begun_with(created: Entry, files: Mapping[str, str]) -> list[str]:
-    """Return which of program and profiles is not the one of the line that begins the run, as `<file>: <how>`."""
-    places = {"program": PROGRAM, "profiles": PROFILES}
+    """Return which of program and profiles is not the one of the line that begins the run, as `<file>: <how>`.
+
+    files: SHA-256 of the run's files, by name; what the line does not name may be anything.
+    """
     return [
-        f"{places[part]}: differs from what the run was begun with, by the entry of {CHAIN} that begins it"
-        for part, found in begun_with(files).items()
-        if created.fields.get(part, found) != found
+        f"{name}: differs from what the run was begun with, by the entry of {CHAIN} that begins it"
+        for name, sha256 in begun_with(created).items()
+        if files.get(name) != sha256
     ]
 
 

@@ -24,14 +24,14 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import beginning_of, begun_with
+from station.records.begun_by import beginning_of, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
-from station.records.folder_check import runs_before
+from station.records.folder_check import is_from_here, runs_before
 from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
@@ -148,6 +148,11 @@ def _attempt_of(manifest: Manifest, run: str, chain: Chain) -> int:
     return manifest.attempt if run in before or (changed and manifest.chain is None) else 0
 
 
+def _lost_its_line(manifest: Manifest, run: str, chain: Chain) -> bool:
+    """Whether a run was begun here by its run.json, and no line says so: of this chain some were lost."""
+    return manifest.id == run and is_from_here(manifest, chain) and beginning_of(chain, run) is None
+
+
 class Store:
     """All runs below one folder."""
 
@@ -209,8 +214,8 @@ class Store:
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
                 parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256, "clock_right": clock_right}
-                parts |= begun_with({name: hashlib.sha256(content).hexdigest() for name, content in files.items()})
-                chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, **parts)
+                begun = {name: hashlib.sha256(files[name]).hexdigest() for name in files if is_begun_with(name)}
+                chain.append(CREATED, run=record.id, serial=serial, attempt=attempt, files=begun, **parts)
                 put_created_in_place(record.folder)
                 self.warnings += chain.warnings
         except OSError as error:
@@ -285,27 +290,31 @@ class Store:
         own = f"Z-{_folder_name(serial)}"
         end = own.lower()
         alike = (one for one in reversed(self._names()) if one[-len(end) :].lower() == end and not one.endswith(own))
-        newest = next(alike, None)
-        found = None if newest is None else RunRecord(self.data / newest).serial()
-        return found if found is not None and found.casefold() == serial.casefold() else ""
+        # Several serial numbers may share the name of a folder.
+        found = (RunRecord(self.data / one).serial() for one in alike)
+        return next((one for one in found if one is not None and one.casefold() == serial.casefold()), "")
 
     def _next_attempt(self, serial: str, names: list[str], chain: Chain) -> int:
         """Return the number of the next attempt: one more than the chain knows of, and the folders from before it.
 
         A damaged run that the chain does not know counts, for it may have been one of this serial number. The number
-        in a run.json counts only of a run from before the chain: any other has its number from the chain.
+        in a run.json counts only of a run from before the chain: any other has its number from the chain. A later run
+        that has lost its line counts as one, whatever its number: the next one must not be the first again.
         """
-        highest, damaged, where = last_attempt(self.data, serial), 0, chain.path
+        (highest, newest), lost, where = last_attempt(self.data, serial), 0, chain.path
         for record in self._named_by(serial, names):
             try:
                 manifest = record.manifest()
             except RecordError:
-                damaged += not chain.entries_of(record.id)
+                lost += not chain.entries_of(record.id)
                 continue
-            if manifest.serial == serial and manifest.attempt > highest:
+            if manifest.serial != serial:
+                continue
+            lost += record.id > newest and _lost_its_line(manifest, record.id, chain)
+            if manifest.attempt > highest:
                 said = _attempt_of(manifest, record.id, chain)
                 highest, where = max((highest, where), (said, record.folder / MANIFEST), key=itemgetter(0))
-        attempt = 1 + highest + damaged
+        attempt = 1 + highest + lost
         if attempt > LARGEST_COUNT:
             raise RecordError(
                 f"{where}: has attempt {highest} of {serial}; allowed is at most {LARGEST_COUNT - 1} before another "

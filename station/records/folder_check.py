@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterable, Mapping
 from collections.abc import Set as AbstractSet
-from pathlib import Path
 
 from station.documents.manifest import MANIFEST, Manifest
 from station.errors import RecordError
@@ -19,7 +18,7 @@ from station.records.run_record import RunRecord
 
 
 def folder_problems(
-    data: Path,
+    chain: Chain,
     known: AbstractSet[str],
     folders: Mapping[str, str | None],
     about: Callable[[str], str],
@@ -30,7 +29,7 @@ def folder_problems(
     """Return what is wrong with the folders.
 
     Args:
-        data: the data folder.
+        chain: that of the data folder.
         known: every run that the chain knows of.
         folders: every folder with a run.json, and the run that this run.json names; None where it cannot be read.
         about: says of a run that is missing what a person looks for it by.
@@ -45,7 +44,8 @@ def folder_problems(
     for name, run in held.items():
         if run == name:
             if name not in known:
-                problems.append(Problem("not_in_chain", name, f"{name}: this run is not in the chain"))
+                kind = "lost_line" if _says_it_is_from_here(chain, name) else "not_in_chain"
+                problems.append(Problem(kind, name, f"{name}: this run is not in the chain"))
         elif held.get(run) == name:
             if name < run:  # one line for the two
                 problems.append(Problem("swapped", name, f"{name}: its content and that of {run} are exchanged"))
@@ -60,8 +60,20 @@ def folder_problems(
     return problems + [
         Problem("missing", run, f"{run}: {about(run)}; its folder is missing")
         for run in lost
-        if not (run == newest and run not in sealed and _is_being_begun(RunRecord(data / run)))
+        if not (run == newest and run not in sealed and _is_being_begun(RunRecord(chain.data / run)))
     ]
+
+
+def is_from_here(manifest: Manifest, chain: Chain) -> bool:
+    """Whether a run.json names this chain as the one in which its run was begun."""
+    return manifest.chain is not None and manifest.chain.id == chain.id
+
+
+def _says_it_is_from_here(chain: Chain, name: str) -> bool:
+    try:
+        return is_from_here(RunRecord(chain.data / name).manifest(), chain)
+    except RecordError:
+        return False
 
 
 def _is_being_begun(run: RunRecord) -> bool:

@@ -54,6 +54,9 @@ __all__ = [
 RECIPE_COPY = "recipe.yaml"
 BENCH_COPY = "bench.yaml"
 PROFILES = "profiles"
+PROFILE_ENDINGS = (".yaml", ".dbc")
+"""How the name of a device profile ends; any other file in their folder is no part of a run."""
+
 SAMPLES = "samples.bin"
 PACKED = "samples.parquet"
 RESULT = "result.json"

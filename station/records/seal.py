@@ -35,6 +35,7 @@ from station.records.run_record import (
     INTERRUPTED,
     MANIFEST,
     PACKED,
+    PROFILE_ENDINGS,
     PROFILES,
     RECIPE_COPY,
     RECORDING,
@@ -85,7 +86,7 @@ def names_to_seal(record: RunRecord) -> tuple[str, ...]:
         profiles = sorted(os.listdir(f"{record.folder}/{PROFILES}"))  # noqa: PTH208 - pathlib takes twice as long
     except OSError:
         profiles = []
-    return (*SEALED, *(f"{PROFILES}/{name}" for name in profiles))
+    return (*SEALED, *(f"{PROFILES}/{name}" for name in profiles if name.endswith(PROFILE_ENDINGS)))
 
 
 def fingerprint(path: Path) -> Checksum:

@@ -21,7 +21,7 @@ from station.records.seal import alterations, is_sealed
 from station.records.studies import study_problems
 from station.records.traces import trace_problems
 
-NAMED_ONCE = frozenset({"renamed", "copied", "swapped", "not_in_chain"})
+NAMED_ONCE = frozenset({"renamed", "copied", "swapped", "not_in_chain", "lost_line"})
 """Kinds of problem that say already why a folder does not fit its run.json."""
 
 MOST_LOOKS = 5
@@ -85,7 +85,7 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
         removed = {run: line for run, line in found.removed.items() if line.key in trust.keys}
         problems += old_problems
         about = partial(about_run, found)
-        problems += folder_problems(data, known, held, about, sealed=found.sealed.keys(), removed=removed.keys())
+        problems += folder_problems(chain, known, held, about, sealed=found.sealed.keys(), removed=removed.keys())
         problems += trace_problems(data, removed)
     told = {problem.run for problem in problems if problem.kind in NAMED_ONCE}
     concluded = 0

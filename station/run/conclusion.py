@@ -26,16 +26,16 @@ from station.documents.reading import document_in
 from station.documents.result import DecisionRule, Judged, Result
 from station.documents.timing import Timing
 from station.errors import RecordError, StationError
-from station.records.begun_by import BegunBy, beginning_of, is_begun_with, not_begun_by, not_begun_with, unlike_its_line
+from station.records.begun_by import BegunBy, beginning_of, begun_with, not_begun_by, not_begun_with, unlike_its_line
 from station.records.chain.chain_file import Chain
 from station.records.left_state import left_state
 from station.records.program_file import SegmentRow, StoredProgram
-from station.records.run_record import CALIBRATION, EVENTS, INTERRUPTED, RESULT, TIMING, RunRecord
+from station.records.run_record import CALIBRATION, EVENTS, INTERRUPTED, PROFILES, RESULT, TIMING, RunRecord
 from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.event_log import alarms_in, events_of
 from station.records.samples.samples import pack_samples
 from station.records.samples.table import Table
-from station.records.seal import data_folder, fingerprint, seal, sealed_names
+from station.records.seal import data_folder, fingerprint, seal
 from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
 from station.results.evaluation import evaluate_trace, ratio_of, trace_of
 from station.results.judged import check_values, judged_in
@@ -165,13 +165,20 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
 
 
 def _not_its_own(record: RunRecord, run: Manifest, job: Job) -> list[str]:
-    """Return why a job is not the one that a run was begun by; whoever concludes it later reads it from its folder."""
+    """Return why a job is not the one that a run was begun by; whoever concludes it later reads it from its folder.
+
+    Raises:
+        RecordError: a file that the run was begun with is not there or cannot be read now.
+
+    """
     found = not_begun_by(run, BegunBy(job.recipe_source.sha256, job.bench_source.sha256))
     created = beginning_of(Chain(data_folder(record)), record.id)
     if created is not None:
-        names = filter(is_begun_with, sealed_names(record))
-        files = {name: fingerprint(record.folder / name).sha256 for name in names}
+        named = begun_with(created)
+        files = {name: fingerprint(record.folder / name).sha256 for name in named}
         found += unlike_its_line(run, created) + not_begun_with(created, files)
+        used = [f"{PROFILES}/{source.path.name}" for source in job.profile_sources.values()]
+        found += [f"{name}: was not there when the run was begun" for name in used if named and name not in named]
     return [f"the record was altered: {one}" for one in found]
 
 

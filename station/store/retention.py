@@ -234,7 +234,7 @@ def _files(run: RunRecord) -> Iterator[Path]:
 
 
 def _trace_of(run: RunRecord) -> dict[str, bytes]:
-    files = {name: read_file(run.folder / name) for name in KEPT_OF_A_TRACE if run.has(name)}
+    files = {name: read_file(run.folder / name, most=None) for name in KEPT_OF_A_TRACE if run.has(name)}
     if run.manifest().state == "complete":
         files[LOOP_CSV] = loop_of(run)
     return files

@@ -145,7 +145,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     held: dict[str, str | None] = dict(zip(folders, folders, strict=True))
     held |= {name: _named_in(data, name) for name in {*changed, *strays, *altered} if name in folders}
     sealed = {run for run, was in stored.items() if was is not None}
-    named = folder_problems(data, known, held, _About(database, chain), sealed=sealed, removed=removed)
+    named = folder_problems(chain, known, held, _About(database, chain), sealed=sealed, removed=removed)
     told = {problem.run for problem in named}
     view.problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, view.trust)]
     view.problems += [*old_problems, *named, *name_problems(there)]

@@ -48,14 +48,17 @@ def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> N
         (record.folder.parent / CHAIN).write_bytes(b"".join(line for line in lines if line not in sealed))
 
 
-def begun_here(run: RunRecord) -> RunRecord:
-    """Enter a copied run into the chain of the folder that it was copied to, as if it had been begun there."""
+def begun_here(run: RunRecord, files: dict[str, str] | None = None) -> RunRecord:
+    """Enter a copied run into the chain of the folder that it was copied to, as if it had been begun there.
+
+    files: by name, the hashes of what it was begun with; without them the line is one of before it had any.
+    """
     data = run.folder.parent
     manifest = run.read_json("run.json")
     with writing_to(data) as chain:
         run.write_json("run.json", manifest | {"chain": plain(chain.next_place)})
         parts = {"recipe": manifest["recipe"]["sha256"], "bench": manifest["bench"]["sha256"]}
-        chain.append(CREATED, run=run.id, serial=manifest["serial"], attempt=manifest["attempt"], **parts)
+        chain.append(CREATED, run=run.id, serial=manifest["serial"], attempt=manifest["attempt"], files=files, **parts)
     return run
 
 

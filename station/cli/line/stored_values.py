@@ -42,7 +42,7 @@ SAME = ("unit", "definition", "branch", "estimator", "band", "torque_nm")
 """What must be the same of a metric in every run, or the numbers are not of one kind."""
 
 
-ELSEWHERE = frozenset({"not_in_chain", "copied", "renamed"})
+ELSEWHERE = frozenset({"not_in_chain", "lost_line", "copied", "renamed"})
 """Kinds of folder that are no run of this data folder, whatever they say."""
 
 

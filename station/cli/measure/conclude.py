@@ -10,6 +10,7 @@ from pathlib import Path
 from recipes import RecipeError
 from station.documents.entries import plain
 from station.errors import StationError
+from station.records.chain.writing import settle_killed
 from station.records.data_folder import Store
 from station.records.run_record import RECORDING, RunRecord
 from station.records.seal import EXIT_ALTERED, alterations, is_sealed
@@ -32,11 +33,14 @@ def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool
     3 where none is left and a record of them was altered.
 
     Raises:
-        StationError: there is no such run, or neither one nor all were asked for.
+        StationError: there is no such run or data folder, or neither one nor all were asked for.
 
     """
     if (name is None) is not all_runs:
         raise StationError("conclude: name a run, or give --all for every run whose supervisor process ended; not both")
+    if all_runs and not data.is_dir():
+        raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
+    settle_killed(data)
     store = Store(data)
     chosen = store.runs() if name is None else [store.find(name)]
     rows = [row for run in chosen if (row := _concluded(run, named=name is not None)) is not None]

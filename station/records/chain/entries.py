@@ -58,10 +58,10 @@ FIELDS: dict[str, tuple[str, ...]] = {
 }
 """What an entry of each kind has, beside what every entry has."""
 
-LEFT_OUT: dict[str, tuple[str, ...]] = {CREATED: ("program", "profiles", "clock_right")}
+LEFT_OUT: dict[str, tuple[str, ...]] = {CREATED: ("files", "clock_right")}
 """What an entry of a kind has where there is something to say.
 
-program, profiles: hashes of the run's program and of its device profiles. Older lines do not have them.
+files: SHA-256 of the run's program and of each of its device profiles, by name. Older lines do not have it.
 clock_right: why the clock is right, though entries before this one are later. Of them none counts as later behind it.
 """
 
@@ -76,8 +76,6 @@ _TEXTS = (
     "serial",
     "recipe",
     "bench",
-    "program",
-    "profiles",
     "sha256",
     "state",
     "name",
@@ -185,6 +183,8 @@ def _sound(line: bytes, fields: Fields) -> bool:
         and (fields.get("created") is None or _number(fields["created"]))
         and isinstance(fields.get("verdict"), str | None)
         and isinstance(fields.get("plan"), dict | None)
+        and isinstance(fields.get("files"), dict | None)
+        and all(isinstance(sha256, str) for sha256 in (fields.get("files") or {}).values())
         and _block(fields.get("before"), _BEFORE)
         and 0 <= (fields.get("before") or {}).get("bytes", 0) <= LARGEST
         and all(isinstance(run, str) and _name(run) for run in (fields.get("before") or {}).get("unconcluded", ()))

@@ -95,10 +95,13 @@ def entries_of_serial(data: Path, serial: str) -> Iterator[Entry]:
             yield entry
 
 
-def last_attempt(data: Path, serial: str) -> int:
-    """Return the highest attempt of a serial number that counts; 0 where there is none; RecordError as above."""
-    begun = (int(one.fields["attempt"]) for one in entries_of_serial(data, serial) if one.kind == CREATED)
-    return max(begun, default=0)
+def last_attempt(data: Path, serial: str) -> tuple[int, str]:
+    """Return the highest attempt of a serial number that counts, and its run; 0 and '' where there is none.
+
+    RecordError as above.
+    """
+    begun = (one.fields for one in entries_of_serial(data, serial) if one.kind == CREATED)
+    return max(((int(one["attempt"]), str(one["run"])) for one in begun), default=(0, ""))
 
 
 def entries_of_run(data: Path, run: str) -> list[Entry]:

@@ -13,6 +13,7 @@ PROBLEMS: dict[str, str] = {
     "lost_entries": "Lines of chain.jsonl were cut off before this entry was written. Look for the runs in a backup",
     "no_chain": "The file chain.jsonl was removed. Restore it from a backup",
     "no_start": "The first line of chain.jsonl is missing or changed. Restore this file from a backup",
+    "strange_lines": "Lines of another hand stand before the first line of chain.jsonl. Take them out of this file",
     "replaced": "The data folder was emptied or replaced. Look for its runs in a backup",
     "unknown_key": "Another computer signed these entries. If it belongs to one of your benches, trust its public key: "
     "'lostmotion key --trust KEY'",
@@ -22,6 +23,8 @@ PROBLEMS: dict[str, str] = {
     "swapped": "The folders of two runs have exchanged names. Rename each to the run id in its run.json",
     "copied": "This folder is a copy of another run. Move the copy out of the data folder",
     "not_in_chain": "This run was not recorded in this data folder. Move it out of the data folder",
+    "lost_line": "The line of chain.jsonl that begins this run is gone. Restore this file from a backup; leave the run "
+    "where it is",
     "altered": "A file of the run was changed. Restore the run from a backup; an altered run gives no verdict",
     "damaged": "A file of the run is damaged. Restore the run from a backup",
     "trace": "A stored trace (torque and angle of a run) is missing or was changed. Restore the folder 'traces' from a "

@@ -104,7 +104,7 @@ def walk(
     found.place = Place(at, last.counter, last.sha256)
     if strange >= FIRST_LINES:
         text = f"{CHAIN}: {strange} lines before its first entry are no entries"
-        found.problems.append(Problem("no_start", "", text))
+        found.problems.append(Problem("no_start" if chain.start is None else "strange_lines", "", text))
     return found
 
 

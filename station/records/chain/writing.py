@@ -18,15 +18,16 @@ from typing import Any
 from definitions.number_formats import LARGEST_COUNT
 from station.atomic_file import refused, sync_folder
 from station.documents.entries import plain
-from station.documents.manifest import ChainPlace
+from station.documents.manifest import MANIFEST, ChainPlace
 from station.errors import RecordError
-from station.records.chain.chain_file import CHAIN, TAIL_BYTES, Chain, put_created_in_place, tail
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, TAIL_BYTES, Chain, put_created_in_place, tail
 from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry
 from station.records.chain.folder_lock import held
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
 from station.records.chain.old_index import before_the_chain
 from station.records.chain.walk import follows, trust_of
+from station.there import is_there
 from station.wall_clock import now_text
 
 
@@ -159,6 +160,26 @@ def writing_to(data: Path) -> Iterator[ChainWriter]:
     key = own_key()
     with held(data):
         yield ChainWriter(data, key)
+
+
+def settle_killed(data: Path) -> None:
+    """Give the run.json of a run its name whose process was killed behind the run's first line, as the next run does.
+
+    Raises:
+        RecordError: the folder or its lock cannot be used.
+
+    """
+    chain, folder = Chain(data), None
+    with suppress(RecordError):  # a chain that nobody can go on with settles nothing
+        last = _last_entry(chain.path, trust_of(chain).keys, head_of(chain.id, data)) if chain.there else None
+        folder = None if last is None or last.kind != CREATED else data / str(last.fields["run"])
+    if folder is None or is_there(folder / MANIFEST) is not False or is_there(folder / CREATED_MANIFEST) is False:
+        return
+    with held(data):  # whoever is just beginning it gives it its name himself
+        try:
+            put_created_in_place(folder)
+        except OSError as error:
+            raise refused(folder / MANIFEST, error) from error
 
 
 def _last_entry(path: Path, trusted: frozenset[str], head: Head | None) -> Entry | None:

@@ -20,8 +20,10 @@ from definitions.image import Command
 from station.atomic_file import Appender, refused
 from station.documents.scan_report import ScanReport
 from station.documents.timing import Disk
+from station.records.begun_by import beginning_of, begun_with
 from station.records.chain.chain_file import Chain
 from station.records.process_birth import process_birth
+from station.records.program_file import PROGRAM
 from station.records.ring.reader import RingReader
 from station.records.ring.ring import ScanState, StopCause
 from station.records.ring.to_disk import RecordWriter
@@ -40,6 +42,7 @@ UNCOUNTED = (
     "the number of records that the scan process wrote is not known: its record buffer was removed and its report has "
     "no count"
 )
+NOTHING_BEGAN = "it has no program and no samples: nothing was measured"
 LOOK_EVERY_S = 0.02
 
 Attend = Callable[[RingReader], None]
@@ -192,6 +195,12 @@ def _counts(run: RunRecord, ended: Ended, said: ScanReport, kept: RunOutcome | N
     return (max(counted), lost, "") if counted else (run.records(), lost, UNCOUNTED)
 
 
+def _has_no_program(run: RunRecord) -> bool:
+    """Whether a run was killed before it had a program, which a version before wrote behind the line of the run."""
+    created = beginning_of(Chain(data_folder(run)), run.id)
+    return created is not None and not begun_with(created) and not run.has(PROGRAM)
+
+
 def _conclude(run: RunRecord, ended: Ended) -> None:
     """Give the run its state, and its verdict when its scan came to its end."""
     # Here, because a new supervisor has 2 s to say that it is there, and loading the analysis takes a good part
@@ -222,6 +231,9 @@ def _conclude(run: RunRecord, ended: Ended) -> None:
     kept = replace(kept, written=written, lost=lost)
     if run.manifest().chain is None:
         kept = replace(kept, trouble="; ".join(one for one in (kept.trouble, NOT_BEGUN) if one))
+    if not written and not run.records() and _has_no_program(run):
+        run.update(state=INTERRUPTED, ring=None, trouble=f"{SUPERVISOR_DIED}; {NOTHING_BEGAN}")
+        return
     try:
         job = stored_job(run)
     except RecipeError as error:

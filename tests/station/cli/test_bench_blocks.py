@@ -201,6 +201,10 @@ def test_a_blank_test_takes_the_bench_file_of_its_own_bench_only(
     assert "curve:" in command(*asked, "--bench", str(own))
     with pytest.raises(StationError, match="measured on bench"):
         command(*asked, "--bench", str(other))
+    own.write_text(text.replace("\nbench:\n", "\nbench:\n  public_key:\n", 1), encoding="utf-8")
+    assert load_bench(own).bench.public_key is None
+    with pytest.raises(RecipeError, match="public_key"):
+        command(*asked, "--bench", str(own))
 
 
 def test_a_blank_test_that_is_no_reducer_is_used_and_told_of(

@@ -16,6 +16,7 @@ from station.records.chain.lookup import ChainEnd
 from station.records.data_folder import WORTH_KEEPING, Store
 from station.records.run_record import RunRecord
 from station.records.seal import seal
+from station.records.verify import verify_folder
 
 
 def measured(data: Path, verdict: str, serial: str = "SN-1") -> Path:
@@ -80,6 +81,25 @@ def test_the_number_in_a_run_json_that_no_line_begins_is_none_of_the_chain(tmp_p
     for run in (forged, RunRecord(first)):  # nor does that of a run which the chain has begun say another one
         run.update(attempt=41)
         assert Store(tmp_path).create("SN-1", SETUP, {}).manifest().attempt == (2 if run is forged else 3)
+
+
+def test_runs_whose_lines_were_lost_count_as_one_attempt_each_whatever_they_say(tmp_path: Path) -> None:
+    first = measured(tmp_path, "FAIL")
+    second = measured(tmp_path, "FAIL")
+    chain = tmp_path / "chain.jsonl"
+    chain.write_bytes(chain.read_bytes().splitlines(keepends=True)[0])
+    RunRecord(second).update(attempt=41)
+    again = Store(tmp_path).create("SN-1", SETUP, {}).manifest()
+    assert again.attempt == 3
+    assert {one.run for one in again.before or ()} == {first.name, second.name}
+    assert Store(tmp_path).create("SN-1", SETUP, {}).manifest().attempt == 4, "they are counted once"
+    assert {one.kind for one in verify_folder(tmp_path).problems if one.run == first.name} == {"lost_line"}
+
+
+def test_a_copy_that_nobody_has_concluded_is_no_attempt(tmp_path: Path) -> None:
+    first = Store(tmp_path).create("SN-1", SETUP, {})
+    shutil.copytree(first.folder, first.folder.with_name(f"20300105T090000.000Z-{first.id[21:]}"))
+    assert [one.run for one in Store(tmp_path).attempts_of("SN-1")] == [first.id]
 
 
 @pytest.mark.parametrize("size", [1, 100, 5000])

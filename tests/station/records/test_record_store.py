@@ -169,8 +169,8 @@ def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: p
         (errno.EIO, "Input/output error. The disk failed"),
         (errno.EACCES, "Permission denied. Give this user write permission"),
         (errno.EPERM, "Operation not permitted. Give this user write permission"),
-        (errno.ENOENT, "No such file or directory. Restore the missing folder of this path"),
-        (errno.ENOTDIR, "Not a directory. Restore the missing folder of this path"),
+        (errno.ENOENT, "No such file or directory. Restore what is missing of this path, from a backup"),
+        (errno.ENOTDIR, "Not a directory. Restore what is missing of this path, from a backup"),
         (errno.EFBIG, "File too large. Check the disk"),
     ],
 )
@@ -337,9 +337,9 @@ def test_who_measured_stands_in_the_record(tmp_path: Path) -> None:
 
 def test_a_serial_number_that_differs_by_case_only_is_known(tmp_path: Path) -> None:
     store = Store(tmp_path)
-    for serial in ("W1", "X-W1", "w2"):
+    for serial in ("W1", "X-W1", "w2", "A/1", "A_1"):
         store.create(serial, SETUP, {})
-    found = {one: Store(tmp_path).other_case_of(one) for one in ("w1", "W1", "x-w1", "W3", "w2")}
-    assert found == {"w1": "W1", "W1": "", "x-w1": "X-W1", "W3": "", "w2": ""}
+    found = {one: Store(tmp_path).other_case_of(one) for one in ("w1", "W1", "x-w1", "W3", "w2", "a/1")}
+    assert found == {"w1": "W1", "W1": "", "x-w1": "X-W1", "W3": "", "w2": "", "a/1": "A/1"}
     told = here("run", "rv-40e-121-quick", "--serial", "w1", "--virtual-time", "--no-report", "--data", str(tmp_path))
     assert "unit W1 is known here, and this is unit w1" in told.err + told.out

@@ -21,10 +21,10 @@ import station.records.seal
 import station.run.conclusion
 from analysis.trace.trace import Trace
 from station.errors import RecordError
-from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.walk import walk
 from station.records.data_folder import Store
-from station.records.run_record import PACKED, SAMPLES, RunRecord
+from station.records.run_record import MANIFEST, PACKED, SAMPLES, RunRecord
 from station.records.seal import CONCLUDED, alterations, finish_seal
 from station.reports.stored_result import stored_result
 from station.results.export_origin import fingerprint_of
@@ -194,6 +194,20 @@ def test_what_is_altered_between_the_line_and_the_manifest_shows(
     assert any(one.startswith(file) for one in alterations(run))
     assert stored_result(run).verdict == "NOT DECIDABLE"
     assert not run.has(CONCLUDED)
+
+
+@pytest.mark.parametrize("asked", ["SN-1", "--all"])
+def test_a_run_that_was_killed_behind_its_first_line_is_named_to_who_concludes(tmp_path: Path, asked: str) -> None:
+    run = Store(tmp_path).create("SN-1", SETUP, {})
+    run.update(desk={"pid": 999_999, "birth": "gone"})
+    (run.folder / MANIFEST).rename(run.folder / CREATED_MANIFEST)
+    ran = here("conclude", asked, "--data", str(tmp_path), "--json")
+    assert [one["run"] for one in ran.json["runs"]] == [run.id]
+    assert run.has(MANIFEST)
+
+
+def test_in_a_folder_that_is_not_there_nothing_is_concluded(tmp_path: Path) -> None:
+    assert here("conclude", "--all", "--data", str(tmp_path / "nowhere")).exit_code == 2
 
 
 def test_a_manifest_that_no_line_vouches_for_is_not_believed(deserted: Callable[[str], RunRecord]) -> None:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lostmotion_command import here
-from run_copies import copy_of, desert
+from run_copies import begun_here, copy_of, desert
 from run_samples import records_of
 
 import station.records.ring.ring
@@ -222,6 +222,51 @@ def test_by_a_program_or_profile_that_was_altered_since_the_run_began_nothing_is
     assert (result["state"], result["verdict"], result["metrics"]) == ("complete", "NOT DECIDABLE", [])
     assert f"the record was altered: {part}" in result["reasons"][0]
     assert alterations(record)
+
+
+@pytest.mark.parametrize("lost", ["profiles", "profiles/virtual-drive.yaml", "program.json"])
+def test_a_run_that_lacks_what_it_was_begun_with_waits_until_it_is_back(
+    quick_run: Any, tmp_path: Path, lost: str
+) -> None:
+    record = RunRecord(quick_run.copy(tmp_path / "runs"))
+    desert(record, ring=tmp_path / "gone", report={"state": "finished", "written": record.records(), "lost": 0})
+    (record.folder / lost).rename(tmp_path / "moved")
+    with pytest.raises(RecordError, match="virtual-drive.yaml" if lost == "profiles" else lost):
+        recover(record)
+    assert (record.state(), record.manifest().files) == ("not concluded", None)
+    (tmp_path / "moved").rename(record.folder / lost)
+    (record.folder / "profiles" / ".DS_Store").touch()
+    (record.folder / "profiles" / "before").mkdir()
+    recover(record)
+    assert record.manifest().verdict == "PASS"
+    assert [one for one in alterations(record) if not one.startswith("chain.jsonl: ")] == []
+
+
+def test_a_profile_that_the_line_of_the_run_does_not_name_is_not_its_own(copied: RunRecord, tmp_path: Path) -> None:
+    begun_here(
+        copied, files={"program.json": hashlib.sha256((copied.folder / "program.json").read_bytes()).hexdigest()}
+    )
+    desert(copied, ring=tmp_path / "gone", report={"state": "finished", "written": copied.records(), "lost": 0})
+    recover(copied)
+    result = copied.read_json("result.json")
+    assert result["verdict"] == "NOT DECIDABLE"
+    assert "the record was altered: profiles/virtual-drive.yaml" in result["reasons"][0]
+
+
+@pytest.mark.parametrize("measured", [False, True])
+def test_a_run_of_before_that_was_killed_before_it_had_a_program_is_interrupted_where_nothing_was_measured(
+    copied: RunRecord, tmp_path: Path, *, measured: bool
+) -> None:
+    desert(copied, ring=tmp_path / "gone", report=None)
+    (copied.folder / "program.json").unlink()
+    if measured:
+        with pytest.raises(RecordError, match=r"program\.json"):
+            recover(copied)
+    else:
+        copied.samples.write_bytes(b"")
+        recover(copied)
+    assert copied.state() == ("not concluded" if measured else "interrupted")
+    assert copied.manifest().files is None
 
 
 def test_run_json_that_names_another_recipe_than_its_line_in_the_chain_is_altered(

@@ -14,6 +14,7 @@ from older_store import to_version_0005
 from station_samples import SETUP
 from stored_runs import START, metric, store_run
 
+import station.atomic_file
 from recipes import RecipeError
 from station.errors import StationError
 from station.records.backup import back_up, backed_up, restore
@@ -21,13 +22,14 @@ from station.records.certificate_code import GENUINE, check_code, code_of
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.walk import Trust
 from station.records.data_folder import Store
+from station.records.run_record import RunRecord
 from station.records.seal import fingerprint
 from station.records.traces import FOLDER
 from station.records.verify import verify_folder
 from station.store import outbox
 from station.store.engines import IN_MEMORY
 from station.store.plant.removals import removals, removals_now
-from station.store.retention import apply, load_rules, plan
+from station.store.retention import _trace_of, apply, load_rules, plan
 from station.store.run_search import MISSING, search
 from station.store.stored_runs import Wanted
 from station.store.table_counts import all_rows
@@ -185,6 +187,16 @@ def test_a_removal_that_was_cut_short_is_no_problem_and_is_finished_by_the_next(
     assert not before & {"missing", "not_in_chain"}
     again = apply(data, plan(data, load_rules(data), LATER), backed_up(tmp_path / "b.tar"), "A. Tester")
     assert first.run in [one.run for one in again.removed]
+
+
+def test_a_trace_keeps_a_file_however_large(quick_run: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def too_large(*_: Any) -> bytes:
+        raise OSError
+
+    run = RunRecord(quick_run.copy(tmp_path / "runs"))
+    run.update(state="stopped")
+    monkeypatch.setattr(station.atomic_file, "document_bytes", too_large)
+    assert "run.json" in _trace_of(run)
 
 
 def test_a_trace_keeps_result_and_loop_and_is_checked(worn_run: Any, tmp_path: Path) -> None:

@@ -140,7 +140,7 @@ def test_lines_before_the_first_entry_are_named_and_leave_every_run_its_verdict(
     write(data, [*junk, *lines(data)])
     another_computer(monkeypatch, tmp_path)
     trust(key)
-    assert kinds(data) == {"no_start"}
+    assert kinds(data) == {"strange_lines"}
     assert [row(run).verdict for run in Store(data).runs()] == ["FAIL", "PASS", "PASS", "PASS"]
     assert "PROBLEM" in here("list", "--data", str(data)).out
 

@@ -373,6 +373,16 @@ _ROWS = (
         "tare the output torque sensor at rest and without load, and calibrate the torque ratio again",
     ),
     Check(
+        "calibration_agreement", "Agreement of calibration and measured cycles", FRACTION, 0.25,
+        "gear ratio calculated from the torques of the calibration (harmonic mean of the slopes of loading and "
+        "unloading): deviation from that of the measured cycles; the larger value of both torque directions. The part "
+        "that the scatter of the lines can cause is subtracted",
+        "the torques of the calibration and of the measured cycles do not agree",
+        "measure again. If it comes back, check gain, cable and mounting of both torque sensors, and raise the torque "
+        "rate of calibration and cycles: at a low rate friction can change within a ramp",
+        settable=SHARES,
+    ),
+    Check(
         "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
         "zero offset of the output torque sensor, less the offset that the bench file allows (tared_zero), relative "
         "to the reference torque. It is measured where the lines of output torque over input torque for loading and "

@@ -75,15 +75,16 @@ def quadrants_of_cycles(trace: Trace, runs: Sequence[Run]) -> Quadrants:
 
 
 def fit_lines(
-    trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE
-) -> dict[str, RatioFit]:
+    trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE,
+    loading: tuple[float, float] = LOADING_RANGE,
+) -> dict[str, RatioFit]:  # fmt: skip
     """Fit the line of each quadrant to runs, of any role, in which both torques were measured.
 
-    unloading: shares of the peak torque between which an unloading line is fitted.
+    unloading, loading: shares of the peak torque between which such a line is fitted.
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
     fits = {}
-    for name, (x, y) in quadrant_points(trace, runs, unloading).items():
+    for name, (x, y) in quadrant_points(trace, runs, unloading, loading).items():
         if x.size < LEAST_POINTS:
             raise AnalysisError(
                 f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; expected {LEAST_POINTS} or "
@@ -94,12 +95,13 @@ def fit_lines(
 
 
 def quadrant_points(
-    trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE
-) -> dict[str, tuple[FloatArray, FloatArray]]:
+    trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE,
+    loading: tuple[float, float] = LOADING_RANGE,
+) -> dict[str, tuple[FloatArray, FloatArray]]:  # fmt: skip
     """Return input and output torques [N·m] of the runs by quadrant, averaged; a quadrant may have none.
 
-    unloading: shares of the peak torque between which an unloading line is fitted. Raises AnalysisError when a channel
-    is missing, naming it.
+    unloading, loading: shares of the peak torque between which such a line is fitted. Raises AnalysisError when a
+    channel is missing, naming it.
     """
     torque_in = trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
@@ -108,7 +110,7 @@ def quadrant_points(
     for name in QUADRANTS:
         sign = 1 if name.endswith("positive") else -1
         loads = name.startswith("load")
-        within = LOADING_RANGE if loads else unloading
+        within = loading if loads else unloading
         pairs = [_points(run, torque_in, torque_out, sign, peak, within, loading=loads) for run in runs]
         x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         points[name] = (x, y)

@@ -1,6 +1,7 @@
-"""Figures of the validity checks that ask whether the calibration of this run can convert the torque of its cycles.
+"""Figures of the validity checks that hold the calibration of this run against its cycles.
 
-Each returns a Reading, or the reason in words why the figure does not apply here.
+Most ask whether it can convert their torque. Where both torques were measured in the cycles too, both say which ratio
+the unit has. Each returns a Reading, or the reason in words why the figure does not apply here.
 """
 
 from __future__ import annotations
@@ -15,8 +16,11 @@ from analysis.loop.measured import Measured
 from analysis.loop.samples import converts
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.torque_ratio.transition_fit import ZERO_BOUND
+from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import Run
 from analysis.validity.evidence import Figure, Reading, of_measured
+from analysis.validity.settled_lines import IN_TRANSITION, TOLD, ratios_apart, settled_lines
+from definitions.checks import CHECKS
 
 NOT_CONVERTED = "needs an output torque that is calculated by a calibration in this run"
 NO_TRANSITION = "not needed: the calibration shows no transition after a reversal"
@@ -67,7 +71,7 @@ def calibrated_gap(found: Measured, _quadrants: Quadrants) -> Reading | str:
     """Largest torque between neighbouring samples of a calibrated branch, in order of torque, % of the reference."""
     output = found.trace.channel("torque_out_nm", "the torque ratio")
     worst, words = 0.0, ""
-    for run in (run for run in _runs(found) if run.role == "calibrate"):
+    for run in _calibration(found):
         torque = np.sort(run.take(output))
         gaps = np.diff(torque)
         if gaps.size and float(gaps.max()) > worst:
@@ -83,16 +87,58 @@ def calibrated_zero(found: Measured, quadrants: Quadrants) -> Reading | str:
     if quadrants.transition_rad is None:
         return NO_TRANSITION
     output = found.trace.channel("torque_out_nm", "the torque ratio")
-    peak_nm = max(float(np.abs(run.take(output)).max()) for run in _runs(found) if run.role == "calibrate")
+    peak_nm = max(float(np.abs(run.take(output)).max()) for run in _calibration(found))
     share = abs(quadrants.zero_nm) / (ZERO_BOUND * peak_nm)
     return Reading(
         100.0 * share, f"the zero of the output torque was not found: its search ended at {quadrants.zero_nm:+.3g} N·m"
     )
 
 
+@of_measured
+def calibration_agreement(found: Measured) -> Reading | str:
+    """How far the ratio that the torques show while calibrating is from that in the cycles, % of the recipe's.
+
+    Beyond the scatter of the lines. Friction that is another in the cycles, for it is warmer or faster, moves the lines
+    of loading and unloading against each other, and their harmonic mean by nothing. A gain that changed in between
+    moves both alike, and friction that changed within one branch bends that one alone.
+    """
+    trace, ratio = found.trace, found.method.ratio
+    if trace.torque_in_nm is None or trace.torque_out_nm is None:
+        return "needs two torque channels"
+    calibration, cycles = _calibration(found), _cycles(found)
+    if not calibration:
+        return "needs a calibration in this run"
+    try:
+        apart, shown = ratios_apart(trace, calibration, cycles), settled_lines(trace, cycles).ratios
+    except AnalysisError as error:
+        return f"not measured: {error}"
+    # Where the transition after a turn has not ended, that of a first loading from rest is another.
+    if max(one.expanded for one in shown.values()) > TOLD * ratio:
+        return IN_TRANSITION
+    side, worst = max(apart.items(), key=lambda one: abs(one[1].value) - one[1].expanded)
+    beyond = 100.0 * max(0.0, abs(worst.value) - worst.expanded) / ratio
+    unsure = max(one.expanded for one in apart.values())
+    if unsure > TOLD * ratio and beyond <= CHECKS["calibration_agreement"].limit:
+        return "not measured: the torque ratio of the calibration scatters too much"
+    words = (
+        f"the torques of the calibration show a gear ratio that is {100.0 * abs(worst.value) / ratio:.2g} % "
+        f"{'larger' if worst.value > 0.0 else 'smaller'} than that of the measured cycles on the {side} side; scatter "
+        f"explains {100.0 * worst.expanded / ratio:.2g} % of it"
+    )
+    return Reading(beyond, words)
+
+
+def _calibration(found: Measured) -> list[Run]:
+    return [run for run in found.runs if run.role == "calibrate"]
+
+
+def _cycles(found: Measured) -> list[Run]:
+    return [one.run for pair in found.pairs for one in pair]
+
+
 def _runs(found: Measured) -> list[Run]:
     """Return the runs that calibrate, and those of the cycles."""
-    return [run for run in found.runs if run.role == "calibrate"] + [one.run for pair in found.pairs for one in pair]
+    return _calibration(found) + _cycles(found)
 
 
 def _turn_nm(found: Measured, run: Run) -> float:
@@ -105,5 +151,6 @@ FIGURES: dict[str, Figure] = {
     "calibrated_turn": calibrated_turn,
     "calibrated_gap": calibrated_gap,
     "calibrated_zero": calibrated_zero,
+    "calibration_agreement": calibration_agreement,
 }
 """Figures of these checks, by their ids."""

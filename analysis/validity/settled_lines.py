@@ -19,7 +19,7 @@ import numpy as np
 
 from analysis.torque_ratio.line_fit import LEAST_POINTS, RatioFit, fit_torque_ratio
 from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE, fit_lines, quadrant_points
-from analysis.torque_ratio.quadrants import TorqueLine
+from analysis.torque_ratio.quadrants import QUADRANTS, TorqueLine
 from analysis.trace.runs import Run
 from analysis.trace.trace import Trace
 
@@ -27,6 +27,12 @@ SIDES = ("positive", "negative")
 
 SHARES = (UNLOADING_RANGE[1], 0.6, 0.48, 0.38, 0.3, 0.24)
 """Shares of the peak torque below which unloading lines are fitted, one after the other."""
+
+WITHOUT_PLAY = (0.25, LOADING_RANGE[1])
+"""Shares of the peak torque between which loading lines of ramps by other laws are held against each other.
+
+At a small torque a unit that comes through its play bounces, more on a ramp by torque than at a constant speed.
+"""
 
 SETTLED = 3.0
 """Standard uncertainties of a line's figure by which another share may change it."""
@@ -37,11 +43,19 @@ SETTLES = 0.25
 STRAIGHTER, LOADED = 2.0, 0.5
 """Residual of the calibration over that of the cycles from which these are taken, and their least share of its peak."""
 
+IN_TRANSITION = "not measured: at this load, most of the unloading branch is the transition after the turning point"
+
+TOLD = 0.01
+"""Uncertainty of a ratio up to which it is held against another, that of the recipe or of other runs."""
+
 LEAST_LEFT = 10
 """Points of an unloading line that are left at least."""
 
 LEAST_APART = 0.1
 """Share of the loading slope by which that of unloading must differ, for their lines to meet anywhere definite."""
+
+OTHER = "other_"
+"""Before the name of a line of the other runs, where the lines of two are held against each other."""
 
 
 class Told(NamedTuple):
@@ -66,7 +80,7 @@ class SettledLines(NamedTuple):
 
 
 Fits = Mapping[str, RatioFit]
-Lines = Mapping[str, RatioFit] | Mapping[str, TorqueLine]
+Lines = Mapping[str, RatioFit | TorqueLine]
 Figure = Callable[[Lines], float]
 
 
@@ -100,9 +114,42 @@ def settled_lines(trace: Trace, runs: Sequence[Run]) -> SettledLines:
 
     Raises AnalysisError where a quadrant has too few points, naming it.
     """
-    points = quadrant_points(trace, runs)
+    known = _by_share(trace, runs)
+    ratios = {side: told(known, partial(ratio_of, side=side)) for side in SIDES}
+    zero, zero_in = (told(known, figure) for figure in (zero_of, zero_in_of))
+    return SettledLines(
+        ratios,
+        zero if math.isfinite(zero.value) else None,
+        friction_of(known[-1]),
+        zero_in if math.isfinite(zero_in.value) else None,
+        idle_of(known[-1]),
+    )
+
+
+def ratios_apart(trace: Trace, runs: Sequence[Run], others: Sequence[Run]) -> dict[str, Told]:
+    """Return by how much the ratio that runs show is beyond that of others, by side: both by the same shares.
+
+    A transition that has not ended is in both alike, and leaves the difference before it leaves the ratios.
+    Raises AnalysisError as `settled_lines`.
+    """
+    one, other = (_by_share(trace, some, WITHOUT_PLAY) for some in (runs, others))
+    known = [
+        {**fits, **{f"{OTHER}{name}": fit for name, fit in beside.items()}}
+        for fits, beside in zip(one, other, strict=False)
+    ]
+    return {side: told(known, partial(_apart, side=side)) for side in SIDES}
+
+
+def _apart(fits: Lines, side: str) -> float:
+    other: Lines = {name: fits[f"{OTHER}{name}"] for name in QUADRANTS}
+    return ratio_of(fits, side) - ratio_of(other, side)
+
+
+def _by_share(trace: Trace, runs: Sequence[Run], loading: tuple[float, float] = LOADING_RANGE) -> list[Fits]:
+    """Return the lines of runs by less and less of the unloading, while enough of that is left."""
+    points = quadrant_points(trace, runs, loading=loading)
     peak = max(float(np.abs(y).max(initial=0.0)) for _, y in points.values()) / LOADING_RANGE[1]
-    known: list[Fits] = [fit_lines(trace, runs)]
+    known: list[Fits] = [fit_lines(trace, runs, loading=loading)]
     for share in SHARES[1:]:
         fits = dict(known[0])
         for name in (f"unload_{side}" for side in SIDES):
@@ -113,15 +160,7 @@ def settled_lines(trace: Trace, runs: Sequence[Run]) -> SettledLines:
         if any(fits[name] is known[0][name] for name in (f"unload_{side}" for side in SIDES)):
             break
         known.append(fits)
-    ratios = {side: told(known, partial(ratio_of, side=side)) for side in SIDES}
-    zero, zero_in = (told(known, figure) for figure in (zero_of, zero_in_of))
-    return SettledLines(
-        ratios,
-        zero if math.isfinite(zero.value) else None,
-        friction_of(known[-1]),
-        zero_in if math.isfinite(zero_in.value) else None,
-        idle_of(known[-1]),
-    )
+    return known
 
 
 def ratio_of(fits: Lines, side: str) -> float:

@@ -27,7 +27,9 @@ from analysis.uncertainty.figures import SensorFigures, TorqueChannel
 from analysis.uncertainty.scatter import alike
 from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
+    IN_TRANSITION,
     SIDES,
+    TOLD,
     SettledLines,
     Told,
     friction_of,
@@ -49,11 +51,6 @@ UNDECLARED_GAIN = 0.01
 
 STORED_LINES = 0.01
 """Expanded uncertainty of the slope of a stored line of which no covariance is known, relative."""
-
-IN_TRANSITION = "not measured: at this load, most of the unloading branch is the transition after the turning point"
-
-TOLD = 0.01
-"""Uncertainty of a ratio up to which it is held against that of the recipe."""
 
 
 class Lines(NamedTuple):

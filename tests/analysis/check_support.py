@@ -283,6 +283,11 @@ def late_within(lag_s: float) -> np.ndarray:
     return np.interp(GOOD.t_s - late_s, GOOD.t_s, GOOD.angle_in_rad)
 
 
+def gain_after_calibration(gain: float) -> dict[str, Any]:
+    """The gain of the output torque changes once the calibration is over."""
+    return changed(torque_out_nm=GOOD.torque_out_nm * np.where(calibrates(GOOD), 1.0, gain))
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -330,6 +335,7 @@ BAD: dict[str, Bad] = {
     "calibrated_turn": lambda: calibrated_to(500.0),
     "calibrated_gap": lambda: calibrated_without(5.0),
     "calibrated_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0) | {"method": CONVERTED},
+    "calibration_agreement": lambda: gain_after_calibration(1.015),
     "torque_out_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0),
     "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
     "torque_bend": lambda: changed(

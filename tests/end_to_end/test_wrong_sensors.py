@@ -8,9 +8,10 @@ import pytest
 
 BOTH_TORQUES = ("sensor.torque_out", "sensor.torque_in")
 LATE = {"torque_lines", "drive_torque_gap", "late_torque", "noise_low"}
+LATE_OUT = {"late_torque", "noise_low", "calibration_agreement"}
 WRONG = {
     "torques late by 150 ms": ("worn", BOTH_TORQUES, "verb: lag, value: 0.15", LATE),
-    "output torque late by 40 ms": ("worn", BOTH_TORQUES[:1], "verb: lag, value: 0.04", {"late_torque", "noise_low"}),
+    "output torque late by 40 ms": ("worn", BOTH_TORQUES[:1], "verb: lag, value: 0.04", LATE_OUT),
     "torques a quarter too large": ("soft", BOTH_TORQUES, "verb: scale, value: 1.25", {"drive_torque_agreement"}),
     "locked encoder turned round": ("P1", ("sensor.angle_out",), "verb: flip", {"locked_compliance"}),
     "locked encoder stands": ("worn", ("sensor.angle_out",), "verb: stuck", {"locked_compliance"}),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
 import pytest
 from check_support import (
     CONVERTED,
@@ -14,9 +15,13 @@ from check_support import (
     by_stored_lines,
     calibrated_to,
     calibrated_without,
+    calibrates,
+    gain_after_calibration,
     judged,
+    kept,
     of,
 )
+from reference_unit import RATIO
 
 from analysis.evaluation.verdict import Verdict
 
@@ -52,3 +57,40 @@ def test_where_this_run_converts_nothing_its_calibration_is_not_asked(check: str
     for result in (GOOD_RUN, by_stored_lines(GOOD)):
         assert of(result, check).passed is None
         assert "needs an output torque that is calculated by a calibration" in of(result, check).text
+
+
+@pytest.mark.parametrize("gain", [1.015, 0.985])
+def test_a_gain_that_changes_after_the_calibration_is_seen(gain: float) -> None:
+    """1.5 % of the output torque in the middle of a run moved the wind-up by twelve times its U, with a PASS."""
+    result = judged(**gain_after_calibration(gain))
+    found = of(result, "calibration_agreement")
+    assert found.figure == pytest.approx(1.5, abs=0.15)
+    assert result.verdict is Verdict.NOT_DECIDABLE
+    assert [one.id for one in result.checks if one.passed is False] == ["calibration_agreement"]
+    assert of(GOOD_RUN, "calibration_agreement").figure < 0.05
+    assert of(GOOD_CONVERTED, "calibration_agreement").figure < 0.05
+
+
+@pytest.mark.parametrize(("bends", "passes"), [(0.0, True), (0.07, False)])
+def test_friction_that_changes_within_a_branch_of_the_calibration_is_seen(bends: float, *, passes: bool) -> None:
+    """It went down by 9 N·m of the output within a branch: an offset of −12.4 N·m read −15.8 ± 0.8, with a PASS."""
+    falls = calibrates(GOOD) & (GOOD.torque_out_nm < -330.0) & (np.gradient(GOOD.torque_out_nm) < 0.0)
+    result = judged(dataclasses.replace(GOOD, torque_in_nm=GOOD.torque_in_nm + bends * falls))
+    assert of(result, "calibration_agreement").passed is passes
+
+
+@pytest.mark.parametrize("share", [0.9, 1.1])
+def test_a_unit_with_other_friction_in_the_cycles_has_the_same_ratio(share: float) -> None:
+    """Friction that is warmer, or faster: a tenth of it, 2 % of the torque under load."""
+    friction_nm = GOOD.torque_in_nm - GOOD.torque_out_nm / RATIO
+    other = np.where(calibrates(GOOD), GOOD.torque_in_nm, GOOD.torque_out_nm / RATIO + share * friction_nm)
+    assert of(judged(dataclasses.replace(GOOD, torque_in_nm=other)), "calibration_agreement").figure < 0.1
+
+
+def test_without_both_torques_or_a_calibration_they_are_not_compared() -> None:
+    found = of(judged(dataclasses.replace(GOOD, torque_in_nm=None)), "calibration_agreement")
+    assert found.passed is None
+    assert "needs two torque channels" in found.text
+    found = of(judged(kept(GOOD, np.flatnonzero(~calibrates(GOOD)))), "calibration_agreement")
+    assert found.passed is None
+    assert "needs a calibration in this run" in found.text

@@ -138,7 +138,7 @@ def test_an_unusual_limit_is_a_note_of_the_result_and_a_warning_of_check(
     found = elsewhere(TRACE, str(path), None)
     assert any("found 60 arcmin for 'backlash_width_3pct'; usual is" in line for line in note_lines(found))
     assert check(str(path), None, as_json=False) == 0
-    assert "WARNING  recipe " in capsys.readouterr().out
+    assert "WARNING recipe " in " ".join(capsys.readouterr().out.split())  # however long the path, and the lines
 
 
 def test_a_lag_that_nobody_knows_is_a_note_of_the_result(tmp_path: Path) -> None:

@@ -123,9 +123,9 @@ def refused(ran: Ran, step: str) -> str:
 
 PRESSED: dict[str, tuple[str, ...]] = {
     "Press the emergency stop": ("io.estop trip",),
-    "Release the emergency stop. At": ("io.estop trip end",),
+    "Release the emergency stop. You": ("io.estop trip end",),
     "Open the guard": ("io.guard open",),
-    "Close the guard. At": ("io.guard open end",),
+    "Close the guard. You": ("io.guard open end",),
     "Press the enabling device": ("io.enabling_device press",),
     "Let the enabling device go": ("io.enabling_device press end",),
 }

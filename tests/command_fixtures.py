@@ -38,7 +38,7 @@ def stored(golden_run, tmp_path: Path) -> Path:
 
 @pytest.fixture
 def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
-    """Start `lostmotion ARGS` and go on; what still runs at the end is killed."""
+    """Start `lostmotion ARGS` in a fork and go on; what still runs at the end is killed."""
     started: list[Running] = []
 
     def begin(*args: str, data: Path = tmp_path) -> Running:
@@ -47,7 +47,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
 
     yield begin
     for item in started:
-        item.end()
+        item.kill()
 
 
 @pytest.fixture

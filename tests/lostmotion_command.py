@@ -8,8 +8,8 @@ from __future__ import annotations
 import io
 import json
 import os
+import select
 import signal
-import subprocess
 import sys
 import tempfile
 import time
@@ -88,19 +88,7 @@ def here(*args: str, cwd: Path = ROOT) -> Ran:
 
 def forked(*args: str) -> Ran:
     """Run `lostmotion ARGS` to its end in a fork of this process, where everything is loaded already."""
-    _load()
-    with tempfile.TemporaryFile("w+", encoding="utf-8") as said:
-        pid = os.fork()
-        if pid == 0:
-            try:
-                ran = here(*args)
-                json.dump([ran.exit_code, ran.out, ran.err], said)
-                said.flush()
-            finally:
-                os._exit(0)
-        os.waitpid(pid, 0)
-        said.seek(0)
-        return Ran(*json.load(said))
+    return Running(args).finish(most_s=None)
 
 
 @cache
@@ -112,36 +100,53 @@ def _load() -> None:
 
 
 class Running:
-    """A command that is under way, with the run folder that it writes."""
+    """A command that is under way in a fork of this process, where everything is loaded, with the data that it writes.
 
-    def __init__(self, args: tuple[str, ...], data: Path) -> None:
+    It is a process in a session of its own, as a shell starts it.
+    """
+
+    def __init__(self, args: tuple[str, ...], data: Path = ROOT) -> None:
+        _load()
         self.data = data
-        self.process = subprocess.Popen(
-            [*COMMAND, *seeded(args)],
-            cwd=ROOT,
-            text=True,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,
-        )
+        self._said = tempfile.TemporaryFile("w+", encoding="utf-8")  # noqa: SIM115 - open until it has ended
+        self._ended = False
+        self.pid = os.fork()
+        if self.pid == 0:
+            try:
+                os.setsid()
+                ran = here(*args)
+                json.dump([ran.exit_code, ran.out, ran.err], self._said)
+                self._said.flush()
+            finally:
+                os._exit(0)
+        self._process = os.pidfd_open(self.pid)
+
+    def ended(self, most_s: float | None = 0.0) -> bool:
+        """Tell whether it has ended, once it has or so much time has passed; None waits for its end."""
+        if not self._ended and select.select([self._process], [], [], most_s)[0]:
+            os.waitpid(self.pid, 0)
+            os.close(self._process)
+            self._ended = True
+        return self._ended
 
     def wait_for(self, condition: Callable[[], bool], most_s: float = 40.0) -> None:
         end = time.monotonic() + most_s
         while not condition():
             assert time.monotonic() < end, "the moment did not come"
-            assert self.process.poll() is None, self.process.communicate()
-            time.sleep(0.02)
+            assert not self.ended(0.02), self.finish()
 
     def interrupt(self) -> None:
         """Ctrl-C as a terminal sends it: to the whole foreground group."""
-        os.killpg(self.process.pid, signal.SIGINT)
+        os.killpg(self.pid, signal.SIGINT)
 
-    def finish(self, most_s: float = 60.0) -> Ran:
-        out, err = self.process.communicate(timeout=most_s)
-        return Ran(self.process.returncode, out, err)
+    def finish(self, most_s: float | None = 60.0) -> Ran:
+        assert self.ended(most_s), f"the command did not end in {most_s} s"
+        self._said.seek(0)
+        with self._said:
+            return Ran(*json.load(self._said))
 
-    def end(self) -> None:
-        """Kill it with everything that it started, if it still runs."""
-        if self.process.poll() is None:
-            os.killpg(self.process.pid, signal.SIGKILL)
-            self.process.wait()
+    def kill(self) -> None:
+        """Kill it, if it still runs; nothing else is told of it."""
+        if not self.ended():
+            os.kill(self.pid, signal.SIGKILL)
+            self.ended(None)

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from lostmotion_command import COMMAND, ROOT, Ran, Running, forked
+from lostmotion_command import COMMAND, ROOT, Ran, forked
 from patient import QUICK_RECIPE, VIRTUAL_BENCH, write_changed
 
 from definitions.commissioning import STEPS
@@ -84,14 +84,20 @@ class Bench:
 
     def guided(self, step: str, hands: dict[str, tuple[str, ...]]) -> Ran:
         """Do a guided step: what hands do as soon as a line with these words is said."""
-        running = Running(("bench", step, "--bench", str(self.file), "--json", "--seconds", "30"), self.folder)
-        stream = running.process.stderr
-        assert stream is not None
-        for line in iter(stream.readline, ""):
-            for asked, deeds in hands.items():
-                if asked in line:
-                    self.hand(*deeds)
-        return running.finish()
+        words = ("bench", step, "--bench", str(self.file), "--json", "--seconds", "30")
+        with subprocess.Popen(
+            [*COMMAND, *words], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as running:
+            assert running.stdout is not None
+            assert running.stderr is not None
+            said = ""
+            for line in iter(running.stderr.readline, ""):
+                said += line
+                for asked, deeds in hands.items():
+                    if asked in line:
+                        self.hand(*deeds)
+            out = running.stdout.read()
+        return Ran(running.returncode, out, said)
 
     def close(self) -> None:
         self._process.terminate()
@@ -117,9 +123,9 @@ def refused(ran: Ran, step: str) -> str:
 
 PRESSED: dict[str, tuple[str, ...]] = {
     "Press the emergency stop": ("io.estop trip",),
-    "Release the emergency stop. At": ("io.estop trip end",),
+    "Release the emergency stop. You": ("io.estop trip end",),
     "Open the guard": ("io.guard open",),
-    "Close the guard. At": ("io.guard open end",),
+    "Close the guard. You": ("io.guard open end",),
     "Press the enabling device": ("io.enabling_device press",),
     "Let the enabling device go": ("io.enabling_device press end",),
 }

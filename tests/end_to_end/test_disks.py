@@ -120,9 +120,9 @@ def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begi
 
 @pytest.fixture(scope="module")
 def recipe(tmp_path_factory: pytest.TempPathFactory) -> str:
-    """The quick recipe, with a quarter of its scans."""
+    """The quick recipe, with a tenth of its scans."""
     target = tmp_path_factory.mktemp("recipe") / "quick.yaml"
-    return str(write_changed(QUICK_RECIPE, target, {"sampling": {"period": "4 ms"}}))
+    return str(write_changed(QUICK_RECIPE, target, {"sampling": {"period": "10 ms"}}))
 
 
 UNIT = ("--serial", "SN 1", "--operator", "A. Tester", "--no-report")

@@ -85,8 +85,7 @@ def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) 
     supervisor.wait_for(loaded)
     scan = json.loads((newest(data) / "scan-report.json").read_bytes())["pid"]
     os.kill(scan, signal.SIGKILL)
-    os.kill(supervisor.process.pid, signal.SIGKILL)
-    supervisor.process.communicate()
+    supervisor.kill()
 
 
 def says_no(bench: Apart, data: Path) -> None:

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import signal
 
 import pytest
 from kills import kill, wait_for
@@ -47,8 +45,7 @@ def test_a_run_whose_supervisor_was_killed_and_whose_folder_was_moved_says_who_s
     run.wait_for(lambda: any(p.stat().st_size > 500 * RECORD_BYTES for p in tmp_path.glob("runs/*/samples.bin")))
     (folder,) = (path.parent for path in tmp_path.glob("runs/*/run.json"))
     scan = json.loads((folder / "scan-report.json").read_bytes())["pid"]
-    os.kill(run.process.pid, signal.SIGKILL)
-    run.process.communicate()
+    run.kill()
     moved = tmp_path / "moved" / folder.name
     folder.parent.rename(moved.parent)
     wait_for(lambda: not process_birth(scan), "end of the scan process")

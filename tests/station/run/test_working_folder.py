@@ -40,8 +40,9 @@ def typed(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_run_over_wires_takes_nothing_from_there(folder: Path) -> None:
-    recipe = write_changed(QUICK_RECIPE, folder / "quick.yaml", {"sampling": {"period": "4 ms"}})
-    ran = typed(folder, "run", str(recipe), "--serial", "W", "--pace", "fast", "--data", "runs", "--no-report")
+    recipe = write_changed(QUICK_RECIPE, folder / "quick.yaml", {"sampling": {"period": "10 ms"}})
+    how = ("--serial", "W", "--seed", "1", "--pace", "fast", "--data", "runs", "--no-report")
+    ran = typed(folder, "run", str(recipe), *how)
     assert ran.returncode == 0, ran.stdout + ran.stderr
     asked = typed(folder, "reevaluate", "--data", "runs", "--recipe", str(recipe), "--workers", "2")
     assert asked.returncode in (0, 1), asked.stdout + asked.stderr

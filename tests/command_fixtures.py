@@ -47,7 +47,7 @@ def start(tmp_path: Path) -> Iterator[Callable[..., Running]]:
 
     yield begin
     for item in started:
-        item.kill()
+        item.end()
 
 
 @pytest.fixture

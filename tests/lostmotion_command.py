@@ -14,7 +14,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout
+from contextlib import redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -150,3 +150,10 @@ class Running:
         if not self.ended():
             os.kill(self.pid, signal.SIGKILL)
             self.ended(None)
+
+    def end(self) -> None:
+        """Kill it with everything that it started, if it still runs."""
+        if not self.ended():
+            with suppress(ProcessLookupError):  # a fork that has not come to its own session yet
+                os.killpg(self.pid, signal.SIGKILL)
+            self.kill()

@@ -1,23 +1,30 @@
-"""The page of quality in a real browser: a lot's figures, another metric's chart, a master part; and its pictures."""
+"""The page of quality in a real browser: a lot's figures, a master part, trials, a batch report; and its pictures."""
 
 from __future__ import annotations
 
+import zipfile
 from collections.abc import Iterator
 from datetime import UTC, datetime
+from functools import cache
 from pathlib import Path
+from typing import Any
+from urllib.parse import urlencode
 
 import numpy as np
 import pytest
 from browser import Enter, needs_browser, playwright
 from served import Served, prepared, served
 from stored_runs import metric, store_run
+from test_limits_trial_page import COUNT, store_lot
+from test_limits_trial_page import RECIPE as OF_THE_LIMITS
 
 from analysis.line.proportions import pareto
 from analysis.line.run_rules import RULE_SETS
-from recipes import load_bench
+from recipes import load_bench, parse_recipe
 from station.quality.bench_ability import due_on
 from station.quality.figures import capability_of, chart_of, trend_of
 from station.records.data_folder import Store
+from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
 from station.web.pages.quality_figures import (
     capability_html,
@@ -30,18 +37,23 @@ from station.web.pages.quality_figures import (
 
 SCRIPT = "<img src=x onerror=alert(1)>"
 LOT = Lot(recipe="inverse")
+OF_THE_RECORD = "rv-40e-121-quick"
 LONGEST_MS = 180_000
 
 
 @pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fourteen units, one of them far off; a master part measured 26 times; a unit of the virtual bench."""
-    data = prepared(tmp_path_factory.mktemp("quality-page") / "runs")
+def folder(quick_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fourteen units, one of them far off; a master part measured 26 times; a unit of the virtual bench.
+
+    By two other recipes, whose drafts do not meet: the units of a lot on trial, and the record of a virtual unit.
+    """
+    data = prepared(quick_run.copy(tmp_path_factory.mktemp("quality-page") / "runs").parent)
+    store_lot(data)
     random = np.random.default_rng(3)
     for number in range(14):
         value = 0.95 if number == 13 else 0.5 + 0.01 * float(random.standard_normal())
         both = [metric(value), metric(115.0 + value, id="spring_constant", unit="N·m/arcmin")]
-        store_run(data, f"U{number}", both, day=number, operator=("Anna", SCRIPT)[number % 2])
+        store_run(data, f"Q{number}", both, day=number, operator=("Anna", SCRIPT)[number % 2])
     store_run(data, "BAD", [metric(1.5, verdict="FAIL")], day=14, failed="lost_motion")
     for number in range(26):
         store_run(data, "MASTER-1", [metric(0.5 + 0.001 * (number % 5))], day=number / 2, master="PASS")
@@ -86,12 +98,25 @@ def station(folder: Path) -> Iterator[Served]:
         yield found
 
 
+@pytest.fixture(scope="module")
+def page_of(enter: Enter) -> Enter:
+    """One page of each role, in which they log in once."""
+    return cache(enter)
+
+
+def page_of_lot(page_of: Enter, station: Served, role: str, **lot: str) -> playwright.Page:
+    """Open what the bar leads to, with a lot in its address that is not the one that it begins with."""
+    page: playwright.Page = page_of(role)
+    page.set_default_timeout(LONGEST_MS)
+    address = page.get_attribute("nav a:has-text('Quality')", "href")
+    page.goto(f"{station.url}{address}?{urlencode(lot)}")
+    return page
+
+
 @pytest.mark.wires
 @needs_browser
-def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
-    page: playwright.Page = enter("quality")
-    page.set_default_timeout(LONGEST_MS)
-    page.click("nav >> text=Quality")
+def test_a_quality_engineer_sees_the_lot_and_the_bench(page_of: Enter, station: Served) -> None:
+    page = page_of_lot(page_of, station, "quality", recipe="inverse")
     page.wait_for_selector(".lm-shares b")
     assert page.locator(".lm-shares b").first.inner_text() == "93.3 %"
     page.wait_for_selector(".lm-words:has-text('every 137.2 points')")
@@ -122,3 +147,92 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(enter: Enter) -> None:
     page.get_by_label("Tolerance (empty").fill("0.2")
     page.get_by_role("button", name="Judge").click()
     page.wait_for_selector("text=● capable")
+
+
+def tried_by(page_of: Enter, role: str) -> playwright.Page:
+    page: playwright.Page = page_of(role)
+    page.set_default_timeout(LONGEST_MS)
+    with page.expect_navigation():
+        page.click("nav >> text=Quality")
+    page.wait_for_selector(".lm-words:has-text('On average means and spread')")
+    page.get_by_label("New max").fill("wide")
+    page.get_by_role("button", name="Try").click()
+    page.wait_for_selector("text=Limits are numbers")
+    page.get_by_label("New max").fill("0.8")
+    page.get_by_role("button", name="Try").click()
+    page.wait_for_selector(f"text=of {COUNT} verdicts flip")
+    return page
+
+
+@pytest.mark.wires
+@needs_browser
+def test_an_engineer_tries_a_limit_and_saves_the_draft(page_of: Enter, folder: Path, tmp_path: Path) -> None:
+    page = tried_by(page_of, "engineer")
+    assert page.locator(".lm-flips a").count() > 0
+    assert "beyond max 0.8" in page.locator(".lm-flips").inner_text()
+    assert "PFA" in page.locator(".lm-trial").first.inner_text()
+    page.get_by_role("button", name="Save as draft").click()
+    page.wait_for_selector(".lm-trial a:has-text('revision 3')")
+    saved = History(folder).find(OF_THE_LIMITS, 3)
+    assert saved is not None
+    limit = next(one.max for one in parse_recipe(saved.text(), "draft").metrics if one.id == "lost_motion")
+    assert limit == 0.8
+    page.get_by_label("Loops to draw").click()
+    page.get_by_role("option", name="none").click()
+    page.wait_for_selector("a[href*='loops=0']")
+    with page.expect_download() as begun:
+        page.get_by_role("link", name="Make and download").click()
+    begun.value.save_as(tmp_path / "batch.zip")
+    assert "batch/batch.pdf" in zipfile.ZipFile(tmp_path / "batch.zip").namelist()
+
+
+@pytest.mark.wires
+@needs_browser
+def test_quality_tries_limits_and_leaves_the_draft_to_those_who_write_recipes(page_of: Enter) -> None:
+    page = tried_by(page_of, "quality")
+    assert page.get_by_role("button", name="Save as draft").is_hidden()
+
+
+def page_of_the_record(page_of: Enter, station: Served, role: str) -> playwright.Page:
+    page = page_of_lot(page_of, station, role, recipe=OF_THE_RECORD, virtual="true")
+    # One unit is no control chart; the list of metrics comes before it.
+    page.wait_for_selector(".lm-trial .q-field:has-text('Metric on trial'):has-text('Backlash')")
+    return page
+
+
+def choose(page: playwright.Page, field: str, option: str) -> None:
+    page.get_by_label(field).click()
+    page.get_by_role("option", name=option).first.click()
+
+
+@pytest.mark.wires
+@needs_browser
+def test_an_engineer_tries_another_definition_and_saves_it_as_a_draft(
+    page_of: Enter, station: Served, folder: Path
+) -> None:
+    page = page_of_the_record(page_of, station, "engineer")
+    choose(page, "Metric on trial", "Lost motion")
+    choose(page, "Defined as", "backlash_width_zero")
+    page.get_by_label("New max").fill("0.01")
+    page.get_by_role("button", name="Try").click()
+    page.wait_for_selector("text=1 of 1 verdicts flip")
+    assert "above the limit of 0.01 arcmin" in page.locator(".lm-flips").inner_text()
+    assert "on trial" in page.locator(".lm-trial").first.inner_text()
+    page.get_by_role("button", name="Save as draft").click()
+    link = page.wait_for_selector(".lm-trial a:has-text('revision')")
+    recipe = History(folder).find(OF_THE_RECORD, int(link.inner_text().removeprefix("revision ")))
+    assert recipe is not None
+    wanted = {one.id: one.max for one in parse_recipe(recipe.text(), "draft").metrics}
+    assert wanted["backlash_width_zero"] == 0.01
+    assert "lost_motion" not in wanted
+    page.get_by_label("Defined as").fill("hysteresis_energy")
+    page.keyboard.press("Enter")
+    page.get_by_role("button", name="Try").click()
+    page.wait_for_selector("text=Choose a metric in arcmin")
+
+
+@pytest.mark.wires
+@needs_browser
+def test_who_operates_the_bench_tries_limits_alone(page_of: Enter, station: Served) -> None:
+    page = page_of_the_record(page_of, station, "operator")
+    assert page.get_by_label("Defined as").is_hidden()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import uuid
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -20,11 +21,18 @@ EXAMPLES = 6
 """Of each operation and mode. A scan may be any text, and yet no serial number: that is no broken promise."""
 
 
-@pytest.mark.parametrize("mode", list(GenerationMode))
-def test_an_answer_is_one_that_the_document_tells_of(shared_station: Station, mode: GenerationMode) -> None:
+@pytest.fixture(scope="module")
+def document(shared_station: Station) -> Any:
     app = Guard(rest_of(shared_station, secure=False), ["testserver"], keeper_of(shared_station))
+    return openapi.from_asgi("/api/openapi.json", app)
+
+
+@pytest.mark.parametrize("mode", list(GenerationMode))
+def test_an_answer_is_one_that_the_document_tells_of(
+    shared_station: Station, document: Any, mode: GenerationMode
+) -> None:
     asked = []
-    for found in openapi.from_asgi("/api/openapi.json", app).get_all_operations():
+    for found in document.get_all_operations():
         operation = found.ok()
         if mode is GenerationMode.NEGATIVE and not operation.body:
             continue  # what is asked without a body can hardly be asked wrongly

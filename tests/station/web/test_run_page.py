@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import shutil
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 from browser import Enter, needs_browser, playwright
-from lostmotion_command import ROOT, here
+from lostmotion_command import here
 from served import Served, prepared, served
 from station_support import GOLDEN
 from stored_runs import metric, store_run
@@ -23,16 +23,15 @@ from station.web.pages.run import allowed_width, beside
 from station.web.pages.run_text import run_text
 
 SCRIPT = "<img src=x onerror=alert(1)>"
-QUICK = str(ROOT / "recipes" / "rv-40e-121-quick.yaml")
 
 
 @pytest.fixture(scope="module")
-def folder(worn_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+def folder(worn_run: Any, quarter: Callable[[str], str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A worn unit that failed twice, and a unit whose serial number is a script."""
     data = tmp_path_factory.mktemp("run-page") / "runs"
     shutil.copytree(worn_run.data, data)
     again = ("--unit", "worn", "--serial", "W1", "--operator", SCRIPT, "--retest-reason", SCRIPT, "--note", SCRIPT)
-    for words in ((QUICK, *again), (str(GOLDEN), "--serial", SCRIPT)):
+    for words in ((quarter("rv-40e-121-quick"), *again), (str(GOLDEN), "--serial", SCRIPT)):
         here("run", *words, "--virtual-time", "--no-report", "--data", str(data))
     return data
 

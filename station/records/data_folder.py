@@ -24,7 +24,7 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import beginning_of, is_begun_with
+from station.records.begun_by import beginning_of, begun_and_left, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED
 from station.records.chain.head import chain_seen_in
@@ -361,6 +361,7 @@ class Store:
         if is_folder(Path(name)) and not exact and not by_serial:
             raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
+        self._refuse_begun(name, names, newest or "", by_part=not (exact or by_serial))
         archived = [] if name == "last" or exact or by_serial else only_archived(self.data, name)
         if archived and not any(name in one and self._is_run(one) for one in names):
             raise StationError(
@@ -385,6 +386,19 @@ class Store:
                 f"{name}: the ids of {len(by_part)} runs contain this: {ids}. Give more characters of the run id"
             )
         raise StationError(f"{name}: no such run in {self.data}; the newest run is {newest}. See 'lostmotion list'")
+
+    def _refuse_begun(self, name: str, names: list[str], newest: str, *, by_part: bool) -> None:
+        """Raise StationError where a name is that of the one run behind the newest that was begun and nothing more."""
+        line = begun_and_left(self.data, (one for one in reversed(names) if one > newest))
+        if line is None:
+            return
+        run, serial = line.fields["run"], line.fields["serial"]
+        if name in ("last", run, serial) or (by_part and name in run):
+            unit = f"attempt {line.fields['attempt']} of unit {serial}"
+            raise StationError(
+                f"run {run}: {unit} was begun and not concluded; nothing was measured in it. If its process was "
+                f"killed, run 'lostmotion conclude {run}'"
+            )
 
     def _is_run(self, name: str) -> bool:
         return is_run(self.data / name)

@@ -176,6 +176,22 @@ def test_a_foreign_start_before_the_first_entry_is_named_and_passed_over(
     assert "truncated" in kinds(data)
 
 
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_foreign_line_that_the_store_had_before_its_genuine_twin_is_no_break_there(data: Path, number: int) -> None:
+    whole = lines(data)
+    store_run(data, "D", [metric(0.4)])
+    genuine = lines(data)[len(whole) :]
+    write(data, whole)
+    for _ in range(number):
+        write(data, [*lines(data), foreign(data)])
+    assert "out of order" not in here("list", "--data", str(data)).out
+    write(data, [*lines(data), *genuine])
+    told = here("list", "--data", str(data)).out
+    assert "out of order" not in told
+    assert "hash of the line" not in told
+    assert "reordered_entries" not in kinds(data)
+
+
 def test_foreign_copies_before_the_lines_of_runs_are_named_and_passed_over(data: Path) -> None:
     run, key = Store(data).create("D", SETUP, {}), a_key()
     entries = [entry for line in lines(data) if (entry := entry_of(line[:-1])) is not None]

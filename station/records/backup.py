@@ -48,8 +48,6 @@ COPY_BYTES = 1 << 20
 EVERYBODY, PRIVATE, READABLE = 0o004, 0o600, 0o644
 """Modes: that everybody may read; a file for its owner alone; one that everybody reads."""
 
-NEWEST_LOOKED_AT = 5
-
 
 @dataclass(frozen=True)
 class Kept:
@@ -127,15 +125,18 @@ def below(data: Path) -> list[Path]:
 
 
 def _refuse_while_on(data: Path) -> None:
-    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody."""
-    for run in reversed(Store(data).newest(NEWEST_LOOKED_AT)):
+    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody.
+
+    Every run is asked: one that was left behind may be of last year, and all of its files are read in a moment anyway.
+    """
+    for run in Store(data).newest_first():
         if _state(run) in (RECORDING, NOT_CONCLUDED):
             raise StationError(
                 f"run {run.id} is in progress, or was not concluded. Wait for its end, or run 'lostmotion conclude "
                 "--all'"
             )
     for folder in below(data):
-        for record in reversed(Store(folder).newest(NEWEST_LOOKED_AT)):
+        for record in Store(folder).newest_first():
             if _state(record) == RECORDING:
                 raise StationError(
                     f"{folder.name}/{record.id}: this recovery or jog is in progress. End it, or wait for its end"

@@ -28,6 +28,7 @@ from station.documents.entries import plain
 from station.documents.reading import document_in
 from station.documents.signs import in_signs
 from station.errors import RecordError, StationError
+from station.records.chain.blocks import LARGEST_LINES
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.entries import CREATED, entry_of
 from station.records.data_folder import Store
@@ -155,7 +156,7 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: read_file(path, None)
+        path: read_file(path, LARGEST_LINES)
         for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
         if is_there(path) is not False
     }
@@ -290,7 +291,7 @@ def backed_up(file: Path) -> dict[str, str]:
 
 def _read(file: Path, into: Path) -> Kept:
     found, made = _looked_through(file, into)
-    chain = read_file(into / CHAIN, None) if CHAIN in found else b""
+    chain = read_file(into / CHAIN, LARGEST_LINES) if CHAIN in found else b""
     return Kept(len(found), sum(size for size, _ in found.values()), made, _newest_in(chain))
 
 

@@ -26,7 +26,7 @@ from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
 from station.records.begun_by import beginning_of, begun_and_left, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
-from station.records.chain.entries import CREATED
+from station.records.chain.entries import CREATED, Entry
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
@@ -136,21 +136,16 @@ def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
         raise
 
 
-def _attempt_of(manifest: Manifest, run: str, chain: Chain) -> int:
+def _attempt_of(manifest: Manifest, run: str, chain: Chain, created: Entry | None) -> int:
     """Return the number of a run among the attempts of its unit; 0 for one that was not begun here.
 
-    Where the list of runs that are older than the chain was changed, any run may be one of them that says so.
+    created: the line that begins it. Where the list of runs that are older than the chain was changed, any run may be
+    one of them that says so.
     """
-    created = beginning_of(chain, run)
     if created is not None:
         return int(created.fields["attempt"])
     before, changed = runs_before(chain)
     return manifest.attempt if run in before or (changed and manifest.chain is None) else 0
-
-
-def _lost_its_line(manifest: Manifest, run: str, chain: Chain) -> bool:
-    """Whether a run was begun here by its run.json, and no line says so: of this chain some were lost."""
-    return manifest.id == run and is_from_here(manifest, chain) and beginning_of(chain, run) is None
 
 
 class Store:
@@ -310,9 +305,12 @@ class Store:
                 continue
             if manifest.serial != serial:
                 continue
-            lost += record.id > newest and _lost_its_line(manifest, record.id, chain)
-            if manifest.attempt > highest:
-                said = _attempt_of(manifest, record.id, chain)
+            later, higher = record.id > newest, manifest.attempt > highest
+            created = beginning_of(chain, record.id) if later or higher else None
+            # Begun here by its run.json, and no line says so: of this chain some were lost.
+            lost += later and created is None and manifest.id == record.id and is_from_here(manifest, chain)
+            if higher:
+                said = _attempt_of(manifest, record.id, chain, created)
                 highest, where = max((highest, where), (said, record.folder / MANIFEST), key=itemgetter(0))
         attempt = 1 + highest + lost
         if attempt > LARGEST_COUNT:

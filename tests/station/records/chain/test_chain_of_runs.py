@@ -152,9 +152,7 @@ def test_a_unit_that_is_measured_while_a_folder_is_verified_is_no_problem(
     assert (found.runs, found.concluded) == (4, 3)
 
 
-@pytest.mark.parametrize(
-    "command", [("list",), ("show", "A"), ("verify",), ("store", "rebuild")]
-)
+@pytest.mark.parametrize("command", [("list",), ("show", "A"), ("verify",), ("store", "rebuild")])
 def test_a_chain_beyond_all_bounds_is_named_and_not_read(data: Path, command: tuple[str, ...]) -> None:
     os.truncate(data / CHAIN, LARGEST_LINES + 1)  # takes no room on the disk
     ran = here(*command, "--data", str(data))

@@ -12,7 +12,7 @@ from recipes.loader import load_source
 from recipes.schema.bench_schema import Bench
 from recipes.schema.recipe_schema import Recipe
 from recipes.schema.sequence_schema import sequence_order
-from recipes.text.problems import Problem, RecipeError, Source, nearest, one_of
+from recipes.text.problems import NO_VALUE, Problem, RecipeError, Source, nearest, one_of
 from recipes.text.quantity import QuantityError, read_quantity
 from recipes.text.section import RATED, REFERENCE
 from recipes.text.yaml_source import parse_source, read_bytes
@@ -44,9 +44,16 @@ def find_bench(name_or_path: str | Path) -> Path:
 
 
 def load_recipe(path: str | Path) -> Recipe:
-    """Load a recipe from a file or by its shipped name. Raises RecipeError with all problems of the file."""
+    """Load a recipe from a file or by its shipped name. Raises RecipeError with all problems of the file.
+
+    An option without a value is one. For the copy in a record, which opens as ever, see `parse_recipe`.
+    """
     named = find_recipe(path)
-    return parse_recipe(read_bytes(named), str(named))
+    recipe = parse_recipe(read_bytes(named), str(named))
+    empty = [recipe.problem(option, *NO_VALUE) for option in recipe.empty_options()]
+    if empty:
+        raise RecipeError(empty)
+    return recipe
 
 
 @lru_cache(maxsize=KEPT)
@@ -56,9 +63,9 @@ def parse_recipe(raw: bytes, path: str) -> Recipe:
 
 
 def load_bench(path: str | Path) -> Bench:
-    """Load a bench from a file or by its shipped name. Raises RecipeError with all problems of the file."""
+    """Load a bench from a file or by its shipped name; as `load_recipe`. Raises RecipeError."""
     named = find_bench(path)
-    return parse_bench(read_bytes(named), str(named))
+    return parse_written_bench(read_bytes(named), str(named))
 
 
 def parse_bench(raw: bytes, path: str) -> Bench:

@@ -80,7 +80,9 @@ def found_runs(torque_nm: FloatArray) -> list[Run]:
     edges = np.arange(0, torque_nm.size, size)
     means = np.add.reduceat(torque_nm, edges) / np.diff(np.append(edges, torque_nm.size))
     zigzag = _zigzag(means, TURNING_PROMINENCE * float(np.ptp(means)))
-    turns = _apart([(_refine(torque_nm, int(edges[turn]), size, rising=up), up) for turn, up in zigzag], torque_nm.size)
+    turns = _with_rows_between(
+        [(_refine(torque_nm, int(edges[turn]), size, rising=up), up) for turn, up in zigzag], torque_nm.size
+    )
     if not turns:
         raise AnalysisError(
             f"turning points: the torque goes from {torque_nm[0]:g} to {torque_nm[-1]:g} N·m and never reverses; "
@@ -161,7 +163,7 @@ def _refine(torque_nm: FloatArray, start: int, size: int, *, rising: bool) -> in
     return begin + int(np.argmax(near) if rising else np.argmin(near)) + 1
 
 
-def _apart(turns: Sequence[tuple[int, bool]], rows: int) -> list[tuple[int, bool]]:
+def _with_rows_between(turns: Sequence[tuple[int, bool]], rows: int) -> list[tuple[int, bool]]:
     """Leave out turns (first row after it, is maximum) between which there is no row: noise turned there and back."""
     kept: list[tuple[int, bool]] = []
     for turn in turns:

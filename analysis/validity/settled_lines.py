@@ -137,10 +137,10 @@ def ratios_apart(trace: Trace, runs: Sequence[Run], others: Sequence[Run]) -> di
         {**fits, **{f"{OTHER}{name}": fit for name, fit in beside.items()}}
         for fits, beside in zip(one, other, strict=False)
     ]
-    return {side: told(known, partial(_apart, side=side)) for side in SIDES}
+    return {side: told(known, partial(_ratio_beyond, side=side)) for side in SIDES}
 
 
-def _apart(fits: Lines, side: str) -> float:
+def _ratio_beyond(fits: Lines, side: str) -> float:
     other: Lines = {name: fits[f"{OTHER}{name}"] for name in QUADRANTS}
     return ratio_of(fits, side) - ratio_of(other, side)
 

@@ -18,11 +18,12 @@ import pyarrow.parquet as pq
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import CHANNELS, SegmentInfo, Trace
 from analysis.trace.units import FloatArray
-from recipes import RecipeError, load_bench
+from recipes import RecipeError
 from station.archive.full_rows import REPLACE, schema_of
 from station.archive.settings import ArchiveError
 from station.atomic_file import read_file
 from station.bench.measuring import CHANNEL_OF_SENSOR
+from station.bench.request import Source
 from station.documents.archived import TraceFacts
 from station.documents.entries import plain
 from station.documents.reading import document_in
@@ -69,7 +70,7 @@ def trace_rows(run: RunRecord) -> pa.Table | None:
         return None
     try:
         recipe, bench = (read_file(run.folder / f"{part}.yaml").decode() for part in ("recipe", "bench"))
-        recorded = recorded_trace(run, load_bench(run.folder / BENCH_COPY))
+        recorded = recorded_trace(run, Source.read(run.folder / BENCH_COPY).bench())
         facts = TraceFacts(
             run=run.id,
             sha256=fingerprint(run.folder / "run.json").sha256,

@@ -32,22 +32,28 @@ from virtual_bench.config import (
     Socketcand,
     TorqueSensor,
 )
+from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.names import VOCABULARY, Vocabulary
 from virtual_bench.faults.scenario import Scenario, Start
 from virtual_bench.faults.vocabulary import FAULTS, NOT_BY_WALL_CLOCK, only_over_wires, vocabulary_of
-from virtual_bench.physics.find_unit import default_unit, find_unit
+from virtual_bench.physics.find_unit import default_unit, find_unit, units_of
 
 Profiles = Mapping[str, Path]
 
 
 def choose_unit(asked: str | None, recipe: Recipe, seed: int | None = None) -> VirtualUnit:
-    """Return the unit to put on the virtual bench; VirtualBenchError when there is none like it.
+    """Return the unit to put on the virtual bench; VirtualBenchError when there is none like it, or of another model.
 
     `asked` is NAME[:SEED], by default the good unit of the recipe's model. Without `seed` one is drawn.
     """
     unit = asked or default_unit(recipe.unit_under_test.model)
     catalogue = catalogue_of(recipe)
-    find_unit(unit, catalogue)
+    found = find_unit(unit, catalogue).model
+    if found != catalogue.model:
+        raise VirtualBenchError(
+            f"--unit: found {unit!r}, which is of model {found}, and recipe '{recipe.recipe.name}' is for model "
+            f"{catalogue.model}; allowed {', '.join(units_of(catalogue.model))}. Name one of these, or leave --unit out"
+        )
     return VirtualUnit(unit, drawn_seed() if seed is None else seed, catalogue)
 
 

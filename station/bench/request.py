@@ -285,7 +285,7 @@ def trace_file(name: str) -> Path | None:
     return None
 
 
-def _written(path: Path) -> Source:
+def as_written(path: Path) -> Source:
     """Read a bench file that is no copy in a record, and so has nothing left empty."""
     source = Source.read(path)
     parse_written_bench(source.content, str(path))
@@ -338,7 +338,7 @@ def load_job(recipe_name: str | Source, bench_name: str | None, day: date | None
     """
     job = _loaded(
         lambda: recipe_name if isinstance(recipe_name, Source) else Source.read(find_recipe(recipe_name)),
-        lambda recipe: None if bench_name is None and recipe is None else _written(_bench_file(bench_name, recipe)),
+        lambda recipe: None if bench_name is None and recipe is None else as_written(_bench_file(bench_name, recipe)),
         day,
     )
     _check_parts(job)

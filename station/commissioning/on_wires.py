@@ -19,7 +19,7 @@ from recipes import Bench, find_bench
 from station.bench.assemble import wire_config
 from station.bench.bench_lock import alone_on
 from station.bench.commissioned import parts_of
-from station.bench.request import Source, find_profile
+from station.bench.request import Source, as_written, find_profile
 from station.errors import BenchFaultError, StationError
 
 PERIOD_NS = 1_000_000
@@ -98,7 +98,7 @@ def on_wires(bench_name: str) -> OnWires:
 
     """
     path = find_bench(bench_name)
-    source = Source.read(path)
+    source = as_written(path)
     bench = source.bench()
     if bench.bench.embedded:
         hint = "Start `lostmotion virtual-bench`, and name a bench file with its ports"

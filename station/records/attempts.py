@@ -1,12 +1,13 @@
 """The attempts of a serial number before the next one: by the signed chain, and by the records where it is silent.
 
 A damaged, altered or lost record does not make a unit new. What the chain says of an attempt counts; its record adds
-which metrics failed. Of a record that a retention rule has removed, its trace does.
+which metrics failed. Of a record that a retention rule has removed, its trace does; of one from before the chain
+that left no trace, the line of its removal says what became of it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from station.documents.manifest import INJECTED, INTERRUPTED, SIMULATED, EarlierAttempt, Manifest
@@ -22,6 +23,9 @@ from station.records.traces import FOLDER, is_as_kept
 MOST = 5
 """The newest are told: a master part is measured every day for years."""
 
+TOLD = frozenset({"attempt", "state"})
+"""What the line of a removal has that says what became of its run."""
+
 
 def earlier_attempts(data: Path, runs: Sequence[RunRecord], serial: str) -> tuple[EarlierAttempt, ...]:
     """Return the newest attempts of a serial number, oldest first; damaged runs that no chain knows are left out.
@@ -33,12 +37,15 @@ def earlier_attempts(data: Path, runs: Sequence[RunRecord], serial: str) -> tupl
 
     """
     created, sealed = _in_chain(data, serial)
-    traces = _traces(data, serial)
+    removed = removals_of_serial(data, serial)
+    traces, told = _traces(data, removed), {run for run, line in removed.items() if line.fields.keys() >= TOLD}
     found: list[EarlierAttempt] = []
     here = {run.id for run in runs}
-    for name in sorted({*created, *here, *traces}, reverse=True):
+    for name in sorted({*created, *here, *traces, *told}, reverse=True):
         run = RunRecord(data / name) if name in here else traces.get(name, RunRecord(data / name))
         one = _attempt(run, serial, created.get(name), sealed.get(name))
+        if one is None and name in told and name not in here:
+            one = _as_removed(removed[name])
         if one is not None:
             found.append(one)
         if len(found) == MOST:
@@ -46,12 +53,16 @@ def earlier_attempts(data: Path, runs: Sequence[RunRecord], serial: str) -> tupl
     return tuple(reversed(found))
 
 
-def _traces(data: Path, serial: str) -> dict[str, RunRecord]:
-    """Return the traces of the runs of a serial number whose records were removed, as they were kept, by run."""
-    removed = removals_of_serial(data, serial)
+def _traces(data: Path, removed: Mapping[str, Entry]) -> dict[str, RunRecord]:
+    """Return the traces of runs whose records were removed, as they were kept, by run; removed: the lines of that."""
     newest = sorted((run for run, line in removed.items() if line.fields["trace"]), reverse=True)[:MOST]
     traces = {run: data / FOLDER / run for run in newest}
     return {run: RunRecord(trace) for run, trace in traces.items() if is_as_kept(trace, removed[run])}
+
+
+def _as_removed(line: Entry) -> EarlierAttempt:
+    said = line.fields
+    return EarlierAttempt(attempt=said["attempt"], run=said["run"], state=said["state"], verdict=said.get("verdict"))
 
 
 def _in_chain(data: Path, serial: str) -> tuple[dict[str, Entry], dict[str, Entry]]:

@@ -28,6 +28,7 @@ from station.documents.entries import plain
 from station.documents.reading import document_in
 from station.documents.signs import in_signs
 from station.errors import RecordError, StationError
+from station.records.chain.blocks import LARGEST_LINES
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.entries import CREATED, entry_of
 from station.records.data_folder import Store
@@ -47,8 +48,6 @@ MADE_AGAIN = (".lock", "-wal", "-shm")
 COPY_BYTES = 1 << 20
 EVERYBODY, PRIVATE, READABLE = 0o004, 0o600, 0o644
 """Modes: that everybody may read; a file for its owner alone; one that everybody reads."""
-
-NEWEST_LOOKED_AT = 5
 
 
 @dataclass(frozen=True)
@@ -127,15 +126,18 @@ def below(data: Path) -> list[Path]:
 
 
 def _refuse_while_on(data: Path) -> None:
-    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody."""
-    for run in reversed(Store(data).newest(NEWEST_LOOKED_AT)):
+    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody.
+
+    Every run is asked: one that was left behind may be of last year, and all of its files are read in a moment anyway.
+    """
+    for run in Store(data).newest_first():
         if _state(run) in (RECORDING, NOT_CONCLUDED):
             raise StationError(
                 f"run {run.id} is in progress, or was not concluded. Wait for its end, or run 'lostmotion conclude "
                 "--all'"
             )
     for folder in below(data):
-        for record in reversed(Store(folder).newest(NEWEST_LOOKED_AT)):
+        for record in Store(folder).newest_first():
             if _state(record) == RECORDING:
                 raise StationError(
                     f"{folder.name}/{record.id}: this recovery or jog is in progress. End it, or wait for its end"
@@ -154,7 +156,7 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: read_file(path, None)
+        path: read_file(path, LARGEST_LINES)
         for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
         if is_there(path) is not False
     }
@@ -289,7 +291,7 @@ def backed_up(file: Path) -> dict[str, str]:
 
 def _read(file: Path, into: Path) -> Kept:
     found, made = _looked_through(file, into)
-    chain = read_file(into / CHAIN, None) if CHAIN in found else b""
+    chain = read_file(into / CHAIN, LARGEST_LINES) if CHAIN in found else b""
     return Kept(len(found), sum(size for size, _ in found.values()), made, _newest_in(chain))
 
 

@@ -9,15 +9,18 @@ Until a run is concluded anybody can change its files, and run.json with them; t
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import NamedTuple
 
 from station.documents.manifest import MANIFEST, ChainPlace, Manifest
-from station.records.chain.chain_file import CHAIN, Chain
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.entries import CREATED, Entry
+from station.records.chain.lookup import entries_of_run
 from station.records.chain.walk import candidates
 from station.records.program_file import PROGRAM
 from station.records.run_record import PROFILES
+from station.there import is_there
 
 
 class BegunBy(NamedTuple):
@@ -31,6 +34,16 @@ def beginning_of(chain: Chain, run: str, trusted: frozenset[str] | None = None) 
     """Return the signed line that begins a run, as `candidates`; None where there is none."""
     begun = (one for one in chain.entries_of(run) if one.kind == CREATED)
     return next(iter(candidates(chain, begun, trusted)), None)
+
+
+def begun_and_left(data: Path, names: Iterable[str]) -> Entry | None:
+    """Return the line, which counts, of the first of these folders whose process was killed just behind that line.
+
+    Its run.json waits for its name, so nobody finds it as a run before it is concluded, or the next one is begun.
+    """
+    waiting = (name for name in names if is_there(data / name / CREATED_MANIFEST))
+    lines = (one for name in waiting if not is_there(data / name / MANIFEST) for one in entries_of_run(data, name))
+    return next((one for one in lines if one.kind == CREATED), None)
 
 
 def is_named_by(manifest: Manifest, chain: Chain, created: Entry) -> bool:

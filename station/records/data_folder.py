@@ -24,9 +24,9 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import beginning_of, is_begun_with
+from station.records.begun_by import beginning_of, begun_and_left, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
-from station.records.chain.entries import CREATED
+from station.records.chain.entries import CREATED, Entry
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
@@ -136,21 +136,16 @@ def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
         raise
 
 
-def _attempt_of(manifest: Manifest, run: str, chain: Chain) -> int:
+def _attempt_of(manifest: Manifest, run: str, chain: Chain, created: Entry | None) -> int:
     """Return the number of a run among the attempts of its unit; 0 for one that was not begun here.
 
-    Where the list of runs that are older than the chain was changed, any run may be one of them that says so.
+    created: the line that begins it. Where the list of runs that are older than the chain was changed, any run may be
+    one of them that says so.
     """
-    created = beginning_of(chain, run)
     if created is not None:
         return int(created.fields["attempt"])
     before, changed = runs_before(chain)
     return manifest.attempt if run in before or (changed and manifest.chain is None) else 0
-
-
-def _lost_its_line(manifest: Manifest, run: str, chain: Chain) -> bool:
-    """Whether a run was begun here by its run.json, and no line says so: of this chain some were lost."""
-    return manifest.id == run and is_from_here(manifest, chain) and beginning_of(chain, run) is None
 
 
 class Store:
@@ -310,9 +305,12 @@ class Store:
                 continue
             if manifest.serial != serial:
                 continue
-            lost += record.id > newest and _lost_its_line(manifest, record.id, chain)
-            if manifest.attempt > highest:
-                said = _attempt_of(manifest, record.id, chain)
+            later, higher = record.id > newest, manifest.attempt > highest
+            created = beginning_of(chain, record.id) if later or higher else None
+            # Begun here by its run.json, and no line says so: of this chain some were lost.
+            lost += later and created is None and manifest.id == record.id and is_from_here(manifest, chain)
+            if higher:
+                said = _attempt_of(manifest, record.id, chain, created)
                 highest, where = max((highest, where), (said, record.folder / MANIFEST), key=itemgetter(0))
         attempt = 1 + highest + lost
         if attempt > LARGEST_COUNT:
@@ -361,6 +359,7 @@ class Store:
         if is_folder(Path(name)) and not exact and not by_serial:
             raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
+        self._refuse_begun(name, names, newest or "", by_part=not (exact or by_serial))
         archived = [] if name == "last" or exact or by_serial else only_archived(self.data, name)
         if archived and not any(name in one and self._is_run(one) for one in names):
             raise StationError(
@@ -385,6 +384,19 @@ class Store:
                 f"{name}: the ids of {len(by_part)} runs contain this: {ids}. Give more characters of the run id"
             )
         raise StationError(f"{name}: no such run in {self.data}; the newest run is {newest}. See 'lostmotion list'")
+
+    def _refuse_begun(self, name: str, names: list[str], newest: str, *, by_part: bool) -> None:
+        """Raise StationError where a name is that of the one run behind the newest that was begun and nothing more."""
+        line = begun_and_left(self.data, (one for one in reversed(names) if one > newest))
+        if line is None:
+            return
+        run, serial = line.fields["run"], line.fields["serial"]
+        if name in ("last", run, serial) or (by_part and name in run):
+            unit = f"attempt {line.fields['attempt']} of unit {serial}"
+            raise StationError(
+                f"run {run}: {unit} was begun and not concluded; nothing was measured in it. If its process was "
+                f"killed, run 'lostmotion conclude {run}'"
+            )
 
     def _is_run(self, name: str) -> bool:
         return is_run(self.data / name)

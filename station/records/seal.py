@@ -142,7 +142,7 @@ def refuse_second_seal(record: RunRecord, manifest: Manifest, chain: Chain) -> N
     if run != record.id:
         raise RecordError(f"{place}: contains run {run}; the folder was copied or renamed. Conclude the run itself")
     trusted = trust_of(chain).keys if chain.there else frozenset()
-    if any(one.signed and one.key in trusted for one in _sealed_entries(chain, run)):
+    if _that_count(chain, run, trusted):
         raise RecordError(f"{place}: {CHAIN} seals this run already, with another {MANIFEST}. {RESTORE}")
     if manifest.chain is None:
         known = not chain.there or (chain.before is not None and run in chain.before.unconcluded)
@@ -167,7 +167,8 @@ def data_folder(record: RunRecord) -> Path:
 def finish_seal(record: RunRecord) -> bool:
     """Finish what a process had begun that was killed while it sealed its run; return whether the run is sealed now.
 
-    Only a run.json that the chain vouches for is put in its place: any other is removed, and decides nothing.
+    Only a run.json that the chain vouches for, by a key that counts, is put in its place: any other is removed, and
+    decides nothing. That of a bench that is not trusted here stays for it, in a run that it began.
 
     Raises:
         RecordError: the disk refuses it; nothing has changed.
@@ -179,19 +180,35 @@ def finish_seal(record: RunRecord) -> bool:
     for name in (CHAIN, INDEX):
         if is_there(data / name) is not False:
             read_from_disk(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
-    found = fingerprint(record.folder / CONCLUDED).sha256
-    if found not in _vouched(Chain(data), record.id):
-        record.remove(CONCLUDED)
+    found, chain = fingerprint(record.folder / CONCLUDED).sha256, Chain(data)
+    if found not in _vouched(chain, record.id):
+        if not _is_of_another_bench(chain, record.id, found):
+            record.remove(CONCLUDED)
         return False
     _put_in_place(record)
     return True
 
 
 def _vouched(chain: Chain, run: str) -> list[str]:
-    """Return the hashes of run.json that the folder vouches for: by a signed line, or by one of the index before it."""
-    signed = [entry.fields["sha256"] for entry in _sealed_entries(chain, run) if entry.signed]
+    """Return the hashes of run.json that the folder vouches for: by a line that counts, or the index before it."""
+    signed = [entry.fields["sha256"] for entry in _that_count(chain, run)]
     kept = index_kept(chain.data, chain.before) if chain.there else index_content(chain.data)
     return signed + [str(line.sha256) for line in index_lines(kept or b"", run)]
+
+
+def _is_of_another_bench(chain: Chain, run: str, found: str) -> bool:
+    """Whether a run was begun and sealed, with this hash of its run.json, by keys that do not count here."""
+    sealed = any(one.signed and one.fields["sha256"] == found for one in _sealed_entries(chain, run))
+    created = beginning_of(chain, run) if sealed else None
+    return created is not None and created.key not in trust_of(chain).keys
+
+
+def _that_count(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> list[Entry]:
+    """Return the lines that seal a run and count; trusted: None for the keys that this computer knows."""
+    signed = [one for one in _sealed_entries(chain, run) if one.signed]
+    if signed and trusted is None:
+        trusted = trust_of(chain).keys
+    return [one for one in signed if one.key in (trusted or ())]
 
 
 def _sealed_entries(chain: Chain, run: str) -> list[Entry]:
@@ -241,7 +258,7 @@ def alterations(
     manifest = record.manifest()
     if not is_sealed(manifest):
         chain = chain or Chain(data_folder(record))
-        kept = {one.fields["sha256"] for one in _sealed_entries(chain, record.id) if one.signed}
+        kept = {one.fields["sha256"] for one in _that_count(chain, record.id, trusted)}
         if not kept or _waits_for_its_name(record, kept):
             return ()
         manifest = record.manifest()  # it may have got its name since
@@ -315,7 +332,7 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
         if kept:
             return named + _against_index(record, manifest, kept)
         return named if run in before.unconcluded else [*named, f"{CHAIN}: does not name this run"]
-    entries = [one for one in entries if one.signed and one.key in keys] or entries
+    entries = _that_count(chain, run, keys) or entries
     found = _against_entries(record, manifest, entries, keys)
     if entries and not (manifest.chain is None and before is not None and run in before.unconcluded):
         found += _against_beginning(chain, run, manifest, entries[0], keys)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
-from recipes import RecipeError, load_recipe
+from recipes import RecipeError
+from station.bench.request import Source
 from station.documents.exported import ExportedRun
 from station.errors import RecordError, StationError
 from station.records.run_record import RECIPE_COPY, RunRecord
@@ -41,7 +42,7 @@ def described(run: RunRecord, note: TraceNote | None) -> ExportedRun:
     manifest, result = run.manifest(), stored_result(run)
     ratio, loading = None, None
     with contextlib.suppress(RecipeError):  # one that is no recipe any more: then the file says nothing of them
-        _, loading, ratio = measured_unit(load_recipe(run.folder / RECIPE_COPY))
+        _, loading, ratio = measured_unit(Source.read(run.folder / RECIPE_COPY).recipe())
     return ExportedRun(
         id=manifest.id,
         serial=manifest.serial,

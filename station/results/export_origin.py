@@ -20,8 +20,9 @@ import numpy as np
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import CHANNELS, ROLES, Trace
 from analysis.validity.evidence import RunFacts
-from recipes import Recipe, RecipeError, load_bench
+from recipes import Recipe, RecipeError
 from recipes.schema.recipe_schema import Sampling
+from station.bench.request import Source
 from station.documents.entries import Plain
 from station.documents.exported import Counts, ExportedRun
 from station.documents.manifest import Unit
@@ -63,7 +64,7 @@ def for_analysis(run: RunRecord, table: Table) -> tuple[Sequence[Column], TraceN
     said = None
     columns: Sequence[Column] = ()
     with suppress(*UNREADABLE):
-        bench = load_bench(run.folder / BENCH_COPY)
+        bench = Source.read(run.folder / BENCH_COPY).bench()
         segments = StoredProgram.of(run).segments
         columns = trace_columns(table, segments, bench)
         trace = trace_of(table, segments, bench, run.manifest().period_ns, run.id)

@@ -9,6 +9,7 @@ from pathlib import Path
 from station.atomic_file import open_file
 from station.documents.result import Result
 from station.errors import StationError
+from station.records.chain.blocks import lines_bytes
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.entries import SEALED, Fields
 from station.records.run_record import RESULT, RunRecord
@@ -55,7 +56,7 @@ def result_of(data: Path, name: str, *, samples: bool = False) -> tuple[Sequence
 def _content(data: Path, offset: int) -> bytes:
     try:
         with open_file(data / CHAIN) as file:
-            if file.seek(0, 2) < offset:
+            if lines_bytes(file, data / CHAIN) < offset:
                 raise StationError(
                     f"{data / CHAIN}: this file is shorter than before. Restore it from a backup: no results are sent "
                     "until then"

@@ -242,9 +242,11 @@ def _trace_of(run: RunRecord) -> dict[str, bytes]:
 
 def _remove(data: Path, run: RunRecord, one: Planned, person: str, files: Mapping[str, bytes]) -> None:
     trace = keep_trace(data, run.id, files) if files else ""
-    sha256 = fingerprint(run.folder / MANIFEST).sha256
+    sha256, manifest = fingerprint(run.folder / MANIFEST).sha256, run.manifest()
+    said = {"run": run.id, "serial": one.serial, "sha256": sha256, "rule": one.rule, "person": person, "trace": trace}
+    old = {"attempt": manifest.attempt, "state": manifest.state, "verdict": manifest.verdict}
     with writing_to(data) as chain:
-        chain.append(REMOVED, run=run.id, serial=one.serial, sha256=sha256, rule=one.rule, person=person, trace=trace)
+        chain.append(REMOVED, **said, **(old if manifest.chain is None else {}))
     try:
         shutil.rmtree(run.folder)
         sync_folder(data)

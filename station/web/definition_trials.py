@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
@@ -29,6 +30,9 @@ WORKERS = 1
 
 MOST_FLIPS = 50
 LOOK_FOR_SERVER_S = 1.0
+TO_CLEAR_UP_S = 10.0
+"""Time that a process has to end in order when its server is gone."""
+
 ENDED = "The process that evaluates ended. Press Try again: it goes on where it ended."
 
 
@@ -133,10 +137,14 @@ class DefinitionTrials:
 def _evaluate(connection: Connection, server: int, data: Path, lot: Lot, tried: Tried) -> None:
     """Evaluate a lot and tell what becomes of it; end with the server, also where that was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server
+    # Stopped, it ends its own processes and removes their folder in the place of temporary files.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
 
     def watch() -> None:
         while os.getppid() == server:
             time.sleep(LOOK_FOR_SERVER_S)
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(TO_CLEAR_UP_S)
         os._exit(0)
 
     Thread(target=watch, daemon=True).start()

@@ -18,6 +18,11 @@ def default_unit(model: str) -> str:
     return DEFAULT_UNITS.get(model, CATALOGUE)
 
 
+def units_of(model: str) -> tuple[str, ...]:
+    """Return the names of the units of a model: those of the table, and those that are made from its values."""
+    return (*(name for name, unit in UNITS.items() if unit.model == model), *VARIANTS)
+
+
 def find_unit(text: str, catalogue: Catalogue | None = None) -> Unit:
     """Return the unit written `NAME` or `NAME:SEED`; unknown names and bad seeds raise `VirtualBenchError`."""
     name, colon, seed_text = text.partition(":")

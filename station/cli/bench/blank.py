@@ -11,8 +11,8 @@ from analysis.loop.measured import measure
 from analysis.loop.windup import blank_curve
 from analysis.trace.trace import Trace
 from analysis.trace.trace_files import read_trace
-from recipes import Bench, Recipe, find_bench, load_bench, load_recipe, parse_written_bench, read_bytes
-from station.bench.request import trace_file
+from recipes import Bench, Recipe, load_bench, load_recipe
+from station.bench.request import Source, trace_file
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
 from station.cli.bench.usable_runs import check_measured, check_recorded, check_same_bench, usable
 from station.cli.runs.evaluate_anew import method_without_run
@@ -101,7 +101,7 @@ def _source(
                 f"file {trace}: --recipe is missing. Name the recipe with which the blank test (the loop on a rigid "
                 "dummy) was measured"
             )
-        own = None if bench is None else _named_bench(bench)
+        own = None if bench is None else load_bench(bench)
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
         return _of_file(path, own), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
     run = Store(data).find(trace)
@@ -125,19 +125,13 @@ def _of_file(path: Path, bench: Bench | None) -> Trace:
     return trace
 
 
-def _named_bench(name: str) -> Bench:
-    """Return the bench that a person names, whose file has no option without a value."""
-    path = find_bench(name)
-    return parse_written_bench(read_bytes(path), str(path))
-
-
 def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trace, date, Recipe, Bench | None, str]:
     if run.state() != "complete":
         raise StationError(f"{run.id}: the run is {run.state()}; expected a complete run. Name another run")
     manifest = usable(run)
     check_recorded(f"run {run.id}", manifest.verdict, run.read(Result, RESULT).reasons)
-    own = load_recipe(run.folder / RECIPE_COPY if recipe is None else recipe)
-    where = load_bench(run.folder / BENCH_COPY) if bench is None else _named_bench(bench)
+    own = Source.read(run.folder / RECIPE_COPY).recipe() if recipe is None else load_recipe(recipe)
+    where = Source.read(run.folder / BENCH_COPY).bench() if bench is None else load_bench(bench)
     check_same_bench(f"run {run.id}", manifest, where)
     segments = StoredProgram.of(run).segments
     trace = trace_of(read_samples(run), segments, where, manifest.period_ns, run.id)

@@ -26,6 +26,7 @@ from recipes import (
     warnings,
 )
 from recipes.text.yaml_source import read_bytes
+from station.bench.request import Source
 from station.documents.manifest import RecipeHead, Software
 from station.documents.result import Evaluation, Judged, Result
 from station.documents.timing import Timing
@@ -182,9 +183,9 @@ def reevaluate(
     own_recipe, own_bench = run.folder / RECIPE_COPY, run.folder / BENCH_COPY
     recipe_file = own_recipe if recipe_name is None else find_recipe(recipe_name)
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
-    recipe = load_recipe(recipe_file) if recipe_name is None else _deciding_recipe(recipe_file)
-    bench = load_bench(bench_file)
-    check_recipe_fits(recipe, recipe_file, measured_unit(load_recipe(own_recipe)), run.id)
+    recipe = Source.read(recipe_file).recipe() if recipe_name is None else _deciding_recipe(recipe_file)
+    bench = Source.read(bench_file).bench() if bench_name is None else load_bench(bench_file)
+    check_recipe_fits(recipe, recipe_file, measured_unit(Source.read(own_recipe).recipe()), run.id)
     other_bench = read_bytes(bench_file) != read_bytes(own_bench)
     reevaluated = selection.made or other_bench or read_bytes(recipe_file) != read_bytes(own_recipe)
     objections = objections_to_bench(recipe, bench, run.day()) if reevaluated else []

@@ -2,13 +2,39 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
+from typing import BinaryIO
 
 from station.atomic_file import open_file, refused
+from station.errors import RecordError
 
 BLOCK_BYTES = 1 << 18
 """As fast as larger blocks, whose memory stays with each thread of a server that once looked."""
+
+LARGEST_LINES = 1 << 30
+"""Bytes of such a file that are read: a chain of half a million runs. No computer runs out of memory by it."""
+
+
+ROOM_TO_CONCLUDE = 1 << 20
+"""Bytes before that end which are for the conclusions of runs: none is begun there."""
+
+
+def lines_bytes(file: BinaryIO, path: Path) -> int:
+    """Return how large an open file of lines is; RecordError as `refuse_larger`."""
+    size = os.fstat(file.fileno()).st_size
+    refuse_larger(size, path)
+    return size
+
+
+def refuse_larger(size: int, path: Path, most: int = LARGEST_LINES) -> None:
+    """Raise RecordError where a file of lines is larger than the largest that is read, or than `most`."""
+    if size > most:
+        raise RecordError(
+            f"{path}: this file is too large: it has {size} bytes; allowed are {most >> 20} MiB. Restore it from a "
+            "backup if others wrote to it, or choose another data folder with --data"
+        )
 
 
 def lines_with(path: Path, token: bytes) -> Iterator[bytes]:
@@ -35,6 +61,7 @@ def blocks(path: Path) -> Iterator[tuple[bytearray, int]]:
     block, kept = bytearray(BLOCK_BYTES), 0
     try:
         with open_file(path) as file:
+            lines_bytes(file, path)
             while count := file.readinto(memoryview(block)[kept:]):  # type: ignore[attr-defined]
                 length = block.rfind(b"\n", 0, kept + count) + 1
                 if length:

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from station.atomic_file import open_file, refused, seen_text, sync_folder
 from station.documents.manifest import MANIFEST
-from station.records.chain.blocks import lines_in, lines_with
+from station.records.chain.blocks import lines_bytes, lines_in, lines_with
 from station.records.chain.entries import REMOVED, START, Entry, entry_of, text_in_line
 from station.records.chain.head import chain_seen_in, counting_keys
 from station.records.chain.keys import own_public_key
@@ -65,12 +65,13 @@ class Chain:
         """The whole file, as it was when it was first asked for; nothing where it is not there.
 
         Raises:
-            RecordError: it is there and cannot be read.
+            RecordError: it is there and cannot be read, or is larger than any that is read.
 
         """
         if self._content is None:
             try:
                 with open_file(self.path) as file:
+                    lines_bytes(file, self.path)
                     before = os.fstat(file.fileno())
                     self._content = file.read()
                     # One that grew while it was read is not as it was seen.
@@ -138,6 +139,7 @@ class Chain:
         """Return where the start usually stands: behind lines that a power failure has torn, in the first line else."""
         try:
             with open_file(self.path) as file:
+                lines_bytes(file, self.path)
                 return [file.readline().rstrip(b"\n") for _ in range(FIRST_LINES)]
         except OSError:
             return []
@@ -216,7 +218,7 @@ def tail(path: Path, size: int = TAIL_BYTES) -> bytes:
     """Return the whole lines at the end of a file; nothing where there is none."""
     try:
         with open_file(path) as file:
-            end = file.seek(0, os.SEEK_END)
+            end = lines_bytes(file, path)
             file.seek(max(end - size, 0))
             content = file.read()
     except FileNotFoundError:

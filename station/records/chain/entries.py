@@ -58,11 +58,15 @@ FIELDS: dict[str, tuple[str, ...]] = {
 }
 """What an entry of each kind has, beside what every entry has."""
 
-LEFT_OUT: dict[str, tuple[str, ...]] = {CREATED: ("files", "clock_right")}
+LEFT_OUT: dict[str, tuple[str, ...]] = {
+    CREATED: ("files", "clock_right"),
+    REMOVED: ("attempt", "state", "verdict"),
+}
 """What an entry of a kind has where there is something to say.
 
 files: SHA-256 of the run's program and of each of its device profiles, by name. Older lines do not have it.
 clock_right: why the clock is right, though entries before this one are later. Of them none counts as later behind it.
+attempt, state, verdict: of a run from before the chain whose record a rule has removed: no other line tells them.
 """
 
 _TEXTS = (

@@ -8,6 +8,7 @@ line was the last: that is no break either.
 
 from __future__ import annotations
 
+import hashlib
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -66,7 +67,7 @@ def walk(
     found = Walk(begin or Place())
     content, at = chain.content, found.place.offset
     last, aside = Last(found.place.counter, found.place.sha256), None
-    sure = last
+    sure = None if at else last
     keys = trust_of(chain).keys if trusted is None else trusted
     newest: Entry | None = None
     strange, from_first = 0, not at
@@ -88,8 +89,10 @@ def walk(
             aside = this
             continue
         wrong = _link_problems(entry, last)
-        if wrong and entry.key in keys and not _link_problems(entry, sure):
-            wrong, last = [], sure  # what stands between was put there by a key that nobody trusts
+        if wrong and entry.key in keys:
+            sure = sure or _sure_before(content[: found.place.offset], found.place, keys)
+            if not _link_problems(entry, sure):
+                wrong, last = [], sure  # what stands between was put there by a key that nobody trusts
         before = aside if wrong and aside is not None and aside.counter == entry.counter - 1 else last
         found.problems += _link_problems(entry, before)
         _take(found, entry, keys)
@@ -106,6 +109,17 @@ def walk(
         text = f"{CHAIN}: {strange} lines before its first entry are no entries"
         found.problems.append(Problem("no_start" if chain.start is None else "strange_lines", "", text))
     return found
+
+
+def _sure_before(content: bytes, place: Place, keys: frozenset[str]) -> Last:
+    """Return the last entry of a trusted key in the row that ends at a place; where it has none, the end itself."""
+    wanted = place.sha256
+    for line in reversed(content.split(b"\n")):
+        entry = entry_of(line) if hashlib.sha256(line).hexdigest() == wanted else None
+        if entry is not None and entry.key in keys:
+            return Last(entry.counter, wanted)
+        wanted = wanted if entry is None else str(entry.fields["previous"])
+    return Last(place.counter, place.sha256)
 
 
 def follows(entry: Entry, last: Entry) -> bool:

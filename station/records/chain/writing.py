@@ -20,6 +20,7 @@ from station.atomic_file import refused, sync_folder
 from station.documents.entries import plain
 from station.documents.manifest import MANIFEST, ChainPlace
 from station.errors import RecordError
+from station.records.chain.blocks import LARGEST_LINES, ROOM_TO_CONCLUDE, refuse_larger
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, TAIL_BYTES, Chain, put_created_in_place, tail
 from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry
 from station.records.chain.folder_lock import held
@@ -83,7 +84,8 @@ class ChainWriter:
         """Add one entry and flush it to the disk; return it.
 
         Raises:
-            RecordError: the disk refuses it, and what it took of it is taken back; or the counter has come to its end.
+            RecordError: the disk refuses it, and what it took of it is taken back; or the counter or, where a run is
+                begun, the file has come to its end.
 
         """
         counter, previous = (0, "") if self.last is None else (self.last.counter, self.last.sha256)
@@ -92,6 +94,8 @@ class ChainWriter:
         try:
             handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
             try:
+                if kind == CREATED:
+                    refuse_larger(os.fstat(handle).st_size, self.path, LARGEST_LINES - ROOM_TO_CONCLUDE)
                 _append_to(handle, entry.line + b"\n")
             finally:
                 os.close(handle)

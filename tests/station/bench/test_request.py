@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import shutil
 from pathlib import Path
 
@@ -13,7 +14,8 @@ from definitions.protections import BY_NAME, NOT_TRIED, UNPROVEN, missing_text
 from recipes import RecipeError, find_bench, load_bench, load_recipe
 from recipes.text.problems import NO_VALUE
 from station.atomic_file import as_json
-from station.bench.request import DRIVER_PROFILES, load_job
+from station.bench.request import DRIVER_PROFILES, Source, load_job
+from station.commissioning.on_wires import on_wires
 from station.records.program_file import plain_program, program_differences
 from station.run.process_specs import compiled
 from station.scan.scan_spec import SpecError, read_program
@@ -60,7 +62,16 @@ def test_an_option_of_a_bench_with_nothing_behind_it_is_refused_and_a_record_tha
     (problem,) = refused.value.problems
     assert (problem.path, problem.line, problem.option) == (str(bench), 4, "bench.public_key")
     assert (problem.found, problem.allowed, problem.hint) == NO_VALUE
-    assert load_bench(bench).bench.public_key is None
+    for named in (load_bench, on_wires):
+        with pytest.raises(RecipeError, match=r"bench\.public_key"):
+            named(str(bench))
+    assert Source.read(bench).bench().bench.public_key is None
+    recipe = tmp_path / "recipe.yaml"
+    text = RECIPE.read_text(encoding="utf-8")
+    recipe.write_text(re.sub("max: [^},]*", "max: ", text, count=1), encoding="utf-8")
+    with pytest.raises(RecipeError, match=r"max: found nothing"):
+        load_recipe(recipe)
+    assert Source.read(recipe).recipe().sequence == load_recipe(RECIPE).sequence
 
 
 def test_profiles_are_checked_before_anything_starts(tmp_path: Path) -> None:

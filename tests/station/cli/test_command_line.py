@@ -66,6 +66,8 @@ BAD = (
     (("run", RECIPE, "--serial", ""), "--serial"),
     (("run", RECIPE, "--unit", "P2"), "P1"),
     (("run", RECIPE, "--unit", "P1:x"), "seed"),
+    (("run", "static-50nm", "--unit", "P1", "--virtual-time"), "S50, catalogue"),
+    (("run", RECIPE, "--unit", "S50:3"), "'S50:3', which is of model RV-50"),
     (("run", RECIPE, "--bench", "nothing"), "virtual"),
     (("run", RECIPE, "--scenario", "nothing.yaml"), "nothing.yaml"),
     (("run", RECIPE, "--data", "/proc/runs"), "/proc/runs"),

@@ -251,6 +251,15 @@ def test_there_is_no_backup_while_a_run_is_on(data: Path, tmp_path: Path) -> Non
     on.lock.close()
 
 
+def test_a_run_that_was_left_behind_long_ago_is_noticed(data: Path, tmp_path: Path) -> None:
+    left = Store(data).create("U9", SETUP, {})
+    left.update(desk={"pid": 999_999, "birth": "gone"})
+    for _ in range(6):
+        store_run(data, "U8", [metric(0.5)])
+    with pytest.raises(StationError, match=left.id):
+        back_up(data, tmp_path / "backup.tar")
+
+
 @pytest.mark.parametrize("folder", ["jogs", "recoveries"])
 def test_jogs_and_recoveries_are_in_it_and_none_is_on_meanwhile(data: Path, tmp_path: Path, folder: str) -> None:
     below = data / folder

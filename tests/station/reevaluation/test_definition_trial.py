@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import errno
+import multiprocessing
 import os
+import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -282,3 +284,24 @@ def test_a_server_evaluates_one_trial_at_a_time_and_one_that_was_stopped_goes_on
         assert "ended" in _ended(trials).error
     finally:
         trials.close()
+
+
+@pytest.mark.wires
+@pytest.mark.parametrize("folder", ["quick_run"], indirect=True)
+def test_a_trial_that_is_stopped_leaves_no_folder_of_its_processes(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delitem(multiprocessing.current_process()._config, "tempdir", raising=False)
+    with tempfile.TemporaryDirectory() as place:  # its path is short, as that of a socket must be
+        monkeypatch.setenv("TMPDIR", place)
+        trials, until = DefinitionTrials(), time.monotonic() + LONGEST_S
+        try:
+            trials.start(folder, LOT, TRIED["another metric with another limit"])
+            while not list(Path(place).glob("pymp-*")):
+                assert time.monotonic() < until
+                assert trials.state is not None
+                assert trials.state.running, trials.state
+                time.sleep(0.01)
+        finally:
+            trials.close()
+        assert list(Path(place).glob("pymp-*")) == []

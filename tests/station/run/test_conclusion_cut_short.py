@@ -206,6 +206,23 @@ def test_a_run_that_was_killed_behind_its_first_line_is_named_to_who_concludes(t
     assert run.has(MANIFEST)
 
 
+@pytest.mark.parametrize("asked", ["SN-1", "last", "Z-SN-"])
+@pytest.mark.parametrize("earlier", [True, False])
+def test_a_run_that_was_killed_behind_its_first_line_is_named_to_who_looks(
+    tmp_path: Path, asked: str, *, earlier: bool
+) -> None:
+    store = Store(tmp_path)
+    others = [store.create("SN-1", SETUP, {})] if earlier else []
+    run = store.create("SN-1", SETUP, {})
+    (run.folder / MANIFEST).rename(run.folder / CREATED_MANIFEST)
+    ran = here("show", asked, "--data", str(tmp_path))
+    assert ran.exit_code == 2
+    assert f"lostmotion conclude {run.id}" in ran.err
+    assert [store.find(one.id).id for one in others] == [one.id for one in others]
+    (tmp_path / CHAIN).unlink()
+    assert f"lostmotion conclude {run.id}" not in here("show", asked, "--data", str(tmp_path)).err
+
+
 def test_in_a_folder_that_is_not_there_nothing_is_concluded(tmp_path: Path) -> None:
     assert here("conclude", "--all", "--data", str(tmp_path / "nowhere")).exit_code == 2
 

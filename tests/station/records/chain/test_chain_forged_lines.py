@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -15,14 +16,17 @@ from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from definitions.number_formats import LARGEST_COUNT
+from station.atomic_file import as_json
 from station.errors import RecordError
 from station.own_place import PLACE
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.entries import CREATED, FIELDS, LOST, SEALED, START, Entry, entry_of, signed_entry
 from station.records.chain.head import Head, head_of, keep_head
 from station.records.chain.keys import own_key, trust
+from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
-from station.records.seal import seal
+from station.records.run_record import RunRecord
+from station.records.seal import CONCLUDED, alterations, finish_seal, seal
 from station.records.verify import verify_folder
 from station.run.run_list import row
 
@@ -172,6 +176,22 @@ def test_a_foreign_start_before_the_first_entry_is_named_and_passed_over(
     assert "truncated" in kinds(data)
 
 
+@pytest.mark.parametrize("number", [1, 3])
+def test_a_foreign_line_that_the_store_had_before_its_genuine_twin_is_no_break_there(data: Path, number: int) -> None:
+    whole = lines(data)
+    store_run(data, "D", [metric(0.4)])
+    genuine = lines(data)[len(whole) :]
+    write(data, whole)
+    for _ in range(number):
+        write(data, [*lines(data), foreign(data)])
+    assert "out of order" not in here("list", "--data", str(data)).out
+    write(data, [*lines(data), *genuine])
+    told = here("list", "--data", str(data)).out
+    assert "out of order" not in told
+    assert "hash of the line" not in told
+    assert "reordered_entries" not in kinds(data)
+
+
 def test_foreign_copies_before_the_lines_of_runs_are_named_and_passed_over(data: Path) -> None:
     run, key = Store(data).create("D", SETUP, {}), a_key()
     entries = [entry for line in lines(data) if (entry := entry_of(line[:-1])) is not None]
@@ -190,6 +210,39 @@ def test_foreign_copies_before_the_lines_of_runs_are_named_and_passed_over(data:
     seal(run, state="complete", verdict="PASS")
     assert kinds(data) == {"unknown_key", "altered"}, "the run has no result"
     assert store_run(data, "D", [metric(0.4)]).manifest().attempt == 2
+
+
+def waiting(run: RunRecord) -> str:
+    """Leave a better run.json beside the run's own, as who was killed while he sealed it; return its hash."""
+    content = as_json(run.changed_manifest({"state": "complete", "verdict": "PASS", "files": {}}))
+    run.write_bytes(CONCLUDED, content)
+    return hashlib.sha256(content).hexdigest()
+
+
+def test_a_line_of_a_foreign_key_concludes_no_run(data: Path) -> None:
+    run = Store(data).create("D", SETUP, {})
+    said = {"state": "complete", "verdict": "PASS", "created": 1, "sha256": waiting(run), "serial": "D"}
+    write(data, [*lines(data), foreign(data, SEALED, run=run.id, **said)])
+    assert not finish_seal(run)
+    assert not run.has(CONCLUDED)
+    assert (row(run).state, row(run).verdict) == ("recording", None)
+    assert alterations(run) == ()
+
+
+def test_what_another_bench_has_concluded_stays_for_it(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    another_computer(monkeypatch, tmp_path)
+    run = Store(data).create("D", SETUP, {})
+    sha256 = waiting(run)
+    with writing_to(data) as chain:
+        said = {"state": "complete", "verdict": "PASS", "created": 1, "serial": "D", "attempt": 1}
+        chain.append(SEALED, run=run.id, sha256=sha256, **said)
+    monkeypatch.setenv(PLACE, str(tmp_path / "place"))
+    assert not finish_seal(run)
+    assert run.has(CONCLUDED)
+    another_computer(monkeypatch, tmp_path)
+    assert finish_seal(run)
 
 
 def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path) -> None:

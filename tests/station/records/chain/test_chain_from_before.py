@@ -19,10 +19,11 @@ from station.records.chain.keys import FOLDER_KEYS
 from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.records.seal import seal
+from station.records.seal import fingerprint, seal
 from station.records.traces import keep_trace
 from station.records.verify import verify_folder
 from station.run.run_list import row
+from station.store.retention import Planned, apply
 from station.store.view import look_at
 
 
@@ -95,6 +96,18 @@ def test_a_run_from_before_the_chain_that_a_rule_has_removed_is_not_missing(old:
     shutil.rmtree(lost)
     with look_at(old) as view:
         assert [(one.kind, one.run) for one in view.problems] == [("missing", lost.name)]
+
+
+def test_an_attempt_from_before_the_chain_that_left_no_trace_is_told_by_its_removal(old: Path) -> None:
+    store_run(old, "A", [metric(0.4)])
+    gone = folder(old, 0)
+    told = [(one.attempt, one.run, one.state, one.verdict) for one in Store(old).attempts_of("A")]
+    assert told[0] == (1, gone.name, "complete", "FAIL")
+    wanted = Planned(gone.name, "A", "r", "nothing", days=9, bytes=9, why_not="", kept_in="backup")
+    files = {one.relative_to(old).as_posix(): fingerprint(one).sha256 for one in gone.rglob("*") if one.is_file()}
+    assert apply(old, [wanted], files, "A. Tester").removed
+    assert [(one.attempt, one.run, one.state, one.verdict) for one in Store(old).attempts_of("A")] == told
+    assert verify_folder(old).problems == []
 
 
 def test_an_open_run_from_before_the_chain_can_be_concluded(old: Path) -> None:

@@ -11,11 +11,13 @@ from typing import Any
 
 import pytest
 from chain_folders import folder, lines, write
+from lostmotion_command import here
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
 from station.errors import RecordError
-from station.records.chain.chain_file import CREATED_MANIFEST, Chain
+from station.records.chain.blocks import LARGEST_LINES
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.entries import entry_of
 from station.records.chain.walk import walk
 from station.records.data_folder import Store
@@ -148,6 +150,26 @@ def test_a_unit_that_is_measured_while_a_folder_is_verified_is_no_problem(
     assert not happens
     assert {(one.kind, one.run) for one in found.problems} == ({("altered", old.name)} if altered else set())
     assert (found.runs, found.concluded) == (4, 3)
+
+
+@pytest.mark.parametrize("command", [("list",), ("show", "A"), ("verify",), ("store", "rebuild")])
+def test_a_chain_beyond_all_bounds_is_named_and_not_read(data: Path, command: tuple[str, ...]) -> None:
+    os.truncate(data / CHAIN, LARGEST_LINES + 1)  # takes no room on the disk
+    ran = here(*command, "--data", str(data))
+    assert ran.exit_code == 2
+    assert f"{CHAIN}: this file is too large" in ran.err
+    with pytest.raises(RecordError, match="too large"):
+        Store(data).create("D", SETUP, {})
+
+
+def test_a_run_that_was_begun_has_room_for_its_conclusion(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = Store(data).create("D", SETUP, {})
+    monkeypatch.setattr("station.records.chain.writing.LARGEST_LINES", (data / CHAIN).stat().st_size + 9)
+    monkeypatch.setattr("station.records.chain.writing.ROOM_TO_CONCLUDE", 10)
+    with pytest.raises(RecordError, match="too large"):
+        Store(data).create("E", SETUP, {})
+    seal(run, state="complete", verdict="PASS")
+    assert [one.id for one in Store(data).runs()][-1] == run.id
 
 
 @pytest.mark.parametrize("ended", [True, False])

@@ -130,7 +130,7 @@ def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
             (record.folder / name).parent.mkdir(exist_ok=True)
             record.write_bytes(name, content)
         record.samples.touch()  # a run without this file has lost it
-        record.write_json(LAYOUT, CURRENT.as_json())
+        record.write_bytes(LAYOUT, CURRENT.described)
     except (OSError, RecordError):
         shutil.rmtree(record.folder, ignore_errors=True)
         raise

@@ -34,7 +34,7 @@ from station.records.run_record import CALIBRATION, EVENTS, INTERRUPTED, PROFILE
 from station.records.samples.check import check_bytes, sound_table
 from station.records.samples.event_log import alarms_in, events_of
 from station.records.samples.samples import pack_samples
-from station.records.samples.table import Table
+from station.records.samples.table import Table, table_of
 from station.records.seal import data_folder, fingerprint, seal
 from station.records.timing_proof import clock_note, objections_to_clock, run_facts, timing_block
 from station.results.evaluation import evaluate_trace, ratio_of, trace_of
@@ -80,7 +80,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
     """
     content, layout = read_from_disk(record.samples), record.layout()
     read_back = check_bytes(content, outcome.written, layout)
-    table = sound_table(content, layout)
+    table = table_of(content, layout) if read_back.sound else sound_table(content, layout)
     run, program = record.manifest(), StoredProgram.of(record)
     period_ns = run.period_ns
     timing = replace(

@@ -13,9 +13,12 @@ from threading import RLock
 from typing import Any
 
 from sqlalchemy import URL, Connection, Engine, create_engine, event
+from sqlalchemy.dialects import registry
+from sqlalchemy.dialects.sqlite.pysqlite import SQLiteDialect_pysqlite
 from sqlalchemy.engine import make_url
 from sqlalchemy.exc import DisconnectionError
 from sqlalchemy.pool import StaticPool
+from sqlalchemy.util import LRUCache
 
 from station.store.places import SQLITE
 
@@ -35,6 +38,26 @@ SEEN = "device and inode"
 
 MOST_ENGINES = 4
 """Engines that are kept while nobody uses them: what each has compiled takes some megabytes."""
+
+MOST_STATEMENTS = 500
+"""As many as an engine of its own keeps."""
+
+
+class OneSqlite(SQLiteDialect_pysqlite):
+    """The words of SQLite, which are the same for all of its files."""
+
+    supports_statement_cache = True
+
+    def __eq__(self, other: object) -> bool:
+        return type(other) is type(self)
+
+    def __hash__(self) -> int:
+        return hash(type(self))
+
+
+registry.register("sqlite.one", __name__, OneSqlite.__name__)
+IN_ONE_SQLITE = {"compiled_cache": LRUCache[Any, Any](MOST_STATEMENTS)}
+"""Statements in the words of SQLite, whichever file they are for: a look in memory has a new engine each time."""
 
 
 class Engines:
@@ -103,13 +126,19 @@ def keep_connections() -> None:
 def new_engine(url: str) -> Engine:
     """Return an engine of its own; it connects when it is first used."""
     # The path of a file is one as it stands: in a URL, what is behind its ? would be options.
-    file = url.removeprefix(SQLITE) if url.startswith(SQLITE) else ""
-    place = URL.create("sqlite", database=file) if file else make_url(url)
+    file = url.removeprefix(SQLITE) if url.startswith(SQLITE) else None
+    place = URL.create("sqlite+one", database=file) if url.startswith("sqlite") else make_url(url)
     if url == IN_MEMORY:
-        engine = create_engine(place, poolclass=StaticPool, connect_args={"check_same_thread": False})
+        engine = create_engine(
+            place,
+            poolclass=StaticPool,
+            connect_args={"check_same_thread": False},
+            execution_options=IN_ONE_SQLITE,
+        )
     elif url.startswith("sqlite"):
         # As many as there are looks at a time: they are given back soon, and waiting for one could take half a minute.
-        engine = create_engine(place, connect_args={"timeout": BUSY_S}, max_overflow=-1)
+        options = {"timeout": BUSY_S}
+        engine = create_engine(place, connect_args=options, max_overflow=-1, execution_options=IN_ONE_SQLITE)
         _hold_to_file(engine, str(place.database))
     else:
         engine = create_engine(

@@ -13,6 +13,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from station.atomic_file import as_json
 from station.documents.entries import Plain
 from station.documents.reading import NEXT_STEP
 from station.errors import RecordError
@@ -111,6 +112,11 @@ class Layout:
         """Return the description as it is stored."""
         rows = [one.as_json() for one in self.channels]
         return {"format": FORMAT, "record_bytes": self.record_bytes, "byte_order": "little", "fields": rows}
+
+    @cached_property
+    def described(self) -> bytes:
+        """The description as the file that every new run gets."""
+        return as_json(self.as_json())
 
 
 def _structured(fields: Mapping[str, tuple[Any, int]], size: int) -> np.dtype[np.void]:

@@ -59,7 +59,7 @@ def checked_samples(run: RunRecord, expected: int | None = None) -> tuple[ReadBa
 
 def _checked(run: RunRecord, content: bytes, expected: int | None) -> ReadBack:
     kept = run.manifest().samples
-    read_back = check_bytes(content, expected, run.layout())
+    read_back = check_bytes(content, expected, run.layout(), unpacked=kept is not None)
     if kept is None or kept.sha256 == hashlib.sha256(content).hexdigest():
         return read_back
     return ReadBack(read_back.records, (*read_back.problems, f"{PACKED}: holds other records than those recorded"))

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from sqlalchemy import (
@@ -54,6 +54,9 @@ OF_RUNS = ("hour", "bench", "recipe", "revision", "model", "operator", "key")
 OF_METRICS = ("meaning", "side")
 """What tells values from others."""
 
+_Cause = tuple[str, ColumnElement[Any], Table | None, ColumnElement[int], ColumnElement[bool]]
+"""A kind of cause: the name of each, the table beside the runs that has it, how many there are, and where."""
+
 
 def hour_of(started: object) -> str:
     """Return the hour of a moment, '' where there is none."""
@@ -74,15 +77,6 @@ def between_hours(asked: Select[Any], table: Table, since: str | None, until: st
         last = hour_of(until)
         asked = asked.where(hour < last if whole_hours(None, until) else hour <= last, hour != "")
     return asked
-
-
-def hours_of(connection: Connection, chain: str, runs: Sequence[str]) -> set[str]:
-    """Return the hours that stored runs are in."""
-    found: set[str] = set()
-    for begin in range(0, len(runs), MOST_AT_ONCE):
-        named = RUNS.c.run.in_(runs[begin : begin + MOST_AT_ONCE])
-        found.update(connection.execute(select(RUNS.c.hour).where(RUNS.c.chain == chain, named)).scalars())
-    return found
 
 
 def count_hours(connection: Connection, chain: str, hours: Collection[str]) -> None:
@@ -142,17 +136,7 @@ def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None
 def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
     here = (RUNS.c.chain == chain) & RUNS.c.hour.in_(hours) & RUNS.c.in_production
     no_verdict = here & RUNS.c.first & (RUNS.c.verdict == UNDECIDED)
-    ended = no_verdict & (RUNS.c.state == COMPLETE)
-    failed = CHECKS.c.passed.is_(False)
-    named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
-    near = judged_as(UNDECIDED)
-    runs = func.count(RUNS.c.run.distinct())
-    for kind, name, table, number, condition in (
-        (ALARM, func.coalesce(ALARMS.c.id, "None"), ALARMS, runs, here),
-        (CHECK, CHECKS.c.id, CHECKS, func.count(), ended & failed),
-        (UNNAMED, literal_column("''"), None, func.count(), ended & (RUNS.c.objection != "") & ~named),
-        (NEAR, MEANINGS.c.metric, METRICS, func.count(), no_verdict & RUNS.c.valid & near),
-    ):
+    for kind, name, table, number, condition in _causes_there(connection, here, no_verdict):
         dims = [_known(one).label(one) for one in (*OF_RUNS, "virtual")]
         asked = select(RUNS.c.chain, literal_column(f"'{kind}'"), *dims, name, number)
         rows: FromClause = RUNS if table is None else RUNS.join(table, _of_the_run(table))
@@ -162,6 +146,24 @@ def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
         counted = asked.group_by(*(literal_column(str(place)) for place in places))
         names = ["chain", "kind", *OF_RUNS, "virtual", "name", "runs"]
         connection.execute(insert(CAUSE_HOURS).from_select(names, counted))
+
+
+def _causes_there(connection: Connection, here: ColumnElement[bool], no_verdict: ColumnElement[bool]) -> list[_Cause]:
+    """Return the kinds of cause that runs may have: most hours have none, and a statement is dear to make."""
+    found: list[_Cause] = []
+    if connection.execute(select(ALARMS.c.run).join(RUNS, _of_the_run(ALARMS)).where(here).limit(1)).first():
+        found.append((ALARM, func.coalesce(ALARMS.c.id, "None"), ALARMS, func.count(RUNS.c.run.distinct()), here))
+    undecided = connection.execute(select(RUNS.c.state, RUNS.c.valid).where(no_verdict).distinct()).all()
+    if any(state == COMPLETE for state, _ in undecided):
+        ended, failed = no_verdict & (RUNS.c.state == COMPLETE), CHECKS.c.passed.is_(False)
+        named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
+        unnamed = ended & (RUNS.c.objection != "") & ~named
+        found.append((CHECK, CHECKS.c.id, CHECKS, func.count(), ended & failed))
+        found.append((UNNAMED, literal_column("''"), None, func.count(), unnamed))
+    if any(valid for _, valid in undecided):
+        near = no_verdict & RUNS.c.valid & judged_as(UNDECIDED)
+        found.append((NEAR, MEANINGS.c.metric, METRICS, func.count(), near))
+    return found
 
 
 def judged_as(verdict: str) -> ColumnElement[bool]:

@@ -10,55 +10,39 @@ number whose run is not there, or was altered, counts as an attempt of that kind
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable
 from itertools import groupby
 from typing import Any
 
-from sqlalchemy import Connection, Row, exists, select, update
+from sqlalchemy import Connection, Row, select, update
 
 from station.store.plant.hours import FIRST_ATTEMPT, MOST_AT_ONCE
 from station.store.tables import RUNS
 
 
-def serials_of(connection: Connection, chain: str, runs: Sequence[str]) -> set[str]:
-    """Return the serial numbers of stored runs."""
-    found: set[str] = set()
-    for begin in range(0, len(runs), MOST_AT_ONCE):
-        named = RUNS.c.run.in_(runs[begin : begin + MOST_AT_ONCE])
-        found.update(connection.execute(select(RUNS.c.serial).where(RUNS.c.chain == chain, named)).scalars())
-    return found
+def note_attempts(connection: Connection, chain: str, serials: Collection[str]) -> set[str]:
+    """Note anew with the runs of serial numbers whether there is a retest among them, and which is the first attempt.
 
-
-def note_retests(connection: Connection, chain: str, serials: Collection[str]) -> None:
-    """Note anew with the runs of serial numbers whether there is a retest among them."""
-    there, other = sorted(serials), RUNS.alias("other")
-    again = exists().where(other.c.chain == RUNS.c.chain, other.c.serial == RUNS.c.serial)
-    again = again.where(other.c.attempt > FIRST_ATTEMPT)
-    for begin in range(0, len(there), MOST_AT_ONCE):
-        named = RUNS.c.serial.in_(there[begin : begin + MOST_AT_ONCE])
-        # Only where it changes: a row that is written is a row anew, with all its indexes.
-        for value, condition in ((True, again), (False, ~again)):
-            changes = update(RUNS).where(RUNS.c.chain == chain, named, RUNS.c.again.is_not(value), condition)
-            connection.execute(changes.values(again=value))
-
-
-def note_first(connection: Connection, chain: str, serials: Collection[str]) -> set[str]:
-    """Note anew with the runs of serial numbers which is the first attempt; return the hours of those that changed."""
+    Returns the hours of the runs of which it is another one that is the first.
+    """
     there = sorted(serials)
     hours: set[str] = set()
-    names = ("run", "serial", "attempt", "virtual", "scenario", "altered", "first", "hour")
+    names = ("run", "serial", "attempt", "virtual", "scenario", "altered", "again", "first", "hour")
     for begin in range(0, len(there), MOST_AT_ONCE):
         asked = select(*(RUNS.c[name] for name in names)).where(RUNS.c.chain == chain)
         asked = asked.where(RUNS.c.serial.in_(there[begin : begin + MOST_AT_ONCE]))
         rows = connection.execute(asked.order_by(RUNS.c.serial, RUNS.c.attempt)).all()
-        firsts = {run for _, unit in groupby(rows, lambda row: row.serial) for run in _first_of(unit)}
-        changed = [row for row in rows if (row.run in firsts) != row.first]
-        hours.update(row.hour for row in changed)
-        for value in (True, False):
-            runs = [row.run for row in changed if row.first is not value]
-            for place in range(0, len(runs), MOST_AT_ONCE):
-                some = RUNS.c.run.in_(runs[place : place + MOST_AT_ONCE])
-                connection.execute(update(RUNS).where(RUNS.c.chain == chain, some).values(first=value))
+        units = [list(unit) for _, unit in groupby(rows, lambda row: row.serial)]
+        again = {row.run for unit in units if unit[-1].attempt > FIRST_ATTEMPT for row in unit}
+        firsts = {run for unit in units for run in _first_of(unit)}
+        hours.update(row.hour for row in rows if (row.run in firsts) != row.first)
+        # Only where it changes: a row that is written is a row anew, with all its indexes.
+        for name, noted in (("again", again), ("first", firsts)):
+            for value in (True, False):
+                runs = [row.run for row in rows if (row.run in noted) is value and getattr(row, name) is not value]
+                for place in range(0, len(runs), MOST_AT_ONCE):
+                    some = RUNS.c.run.in_(runs[place : place + MOST_AT_ONCE])
+                    connection.execute(update(RUNS).where(RUNS.c.chain == chain, some).values({name: value}))
     return hours
 
 

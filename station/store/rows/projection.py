@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 
-from sqlalchemy import Connection, delete, insert
+from sqlalchemy import Connection, delete, insert, select
 from sqlalchemy.exc import DataError, IntegrityError
 
 from station.atomic_file import seen_text
@@ -26,10 +26,10 @@ from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
 from station.records.seal import NO_RESULT, NOT_READ, alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
-from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, hour_of, hours_of
+from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, hour_of
 from station.store.plant.meanings import Meaning, number_of, put_meanings
 from station.store.plant.months import make_months
-from station.store.plant.retests import note_first, note_retests, serials_of
+from station.store.plant.retests import note_attempts
 from station.store.rows.shared_rows import REFERENCES, drop_unnamed, file_rows, put_shared, shared_by, unit_rows
 from station.store.tables import Row, Rows
 
@@ -164,17 +164,21 @@ def remove_chain(connection: Connection, chain: str) -> None:
 
 
 def _bring_up_plant(connection: Connection, chain: str, hours: Collection[str], serials: Collection[str]) -> None:
-    note_retests(connection, chain, serials)
-    count_hours(connection, chain, note_first(connection, chain, serials).union(hours))
+    count_hours(connection, chain, note_attempts(connection, chain, serials).union(hours))
 
 
 def _removed(connection: Connection, chain: str, runs: Sequence[str]) -> tuple[set[str], set[str]]:
     """Remove the rows of runs; return the hours that must be counted anew, and the serial numbers looked at."""
-    hours, serials = hours_of(connection, chain, runs), serials_of(connection, chain, runs)
-    for table in tables.OF_A_RUN:
-        gone = delete(table).where(table.c.chain == chain)
-        for begin in range(0, len(runs), MOST_AT_ONCE):
-            connection.execute(gone.where(table.c.run.in_(runs[begin : begin + MOST_AT_ONCE])))
+    hours, serials = set[str](), set[str]()
+    of_run = tables.RUNS.c
+    for begin in range(0, len(runs), MOST_AT_ONCE):
+        some = runs[begin : begin + MOST_AT_ONCE]
+        there = select(of_run.hour, of_run.serial).where(of_run.chain == chain, of_run.run.in_(some))
+        for hour, serial in connection.execute(there):
+            hours.add(hour)
+            serials.add(serial)
+        for table in tables.OF_A_RUN:
+            connection.execute(delete(table).where(table.c.chain == chain, table.c.run.in_(some)))
     return hours, serials
 
 

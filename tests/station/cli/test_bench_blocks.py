@@ -31,7 +31,7 @@ from recipes import (
     shipped_recipes,
 )
 from recipes.schema.calibration_schema import QuadrantLine
-from station.cli import app
+from station.cli import command_line
 from station.errors import StationError
 from station.records.run_record import RunRecord
 from station.results.evaluation import figures_for, method_of
@@ -46,7 +46,7 @@ def command(*args: str) -> str:
     """Run a command in this process; return what it prints."""
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        assert app(list(args), standalone_mode=False) in (0, None)
+        assert command_line(args[0])(list(args), standalone_mode=False) in (0, None)
     return printed.getvalue()
 
 

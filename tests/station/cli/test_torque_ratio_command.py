@@ -16,7 +16,7 @@ from printed_numbers import alike, reads
 
 from analysis.torque_ratio.quadrants import QUADRANTS
 from analysis.trace.errors import AnalysisError
-from station.cli import app
+from station.cli import command_line
 from station.cli.errors import errors_of
 from station.errors import StationError
 
@@ -27,7 +27,7 @@ HEAD = "torque_in_nm,torque_out_nm\n"
 def command(*args: object) -> str:
     printed = io.StringIO()
     with contextlib.redirect_stdout(printed):
-        assert app(["torque-ratio", *map(str, args)], standalone_mode=False) in (0, None)
+        assert command_line("torque-ratio")(["torque-ratio", *map(str, args)], standalone_mode=False) in (0, None)
     return printed.getvalue()
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -101,9 +101,9 @@ def test_in_a_run_that_is_not_concluded_it_decides_nothing(deserted: RunRecord, 
     assert deserted.manifest().state == "recording"
 
 
-def test_the_next_run_on_the_bench_does_not_wait_for_it(deserted: RunRecord) -> None:
+def test_the_next_run_on_the_bench_does_not_wait_for_it(deserted: RunRecord, quarter: Callable[[str], str]) -> None:
     pipe_at(deserted.samples)
-    told = command(deserted, "run", "rv-40e-121-quick", "--serial", "N", "--virtual-time", "--no-report")
+    told = command(deserted, "run", quarter("rv-40e-121-quick"), "--serial", "N", "--virtual-time", "--no-report")
     assert told.exit_code == 0, told
     assert f"run {deserted.id} cannot be evaluated now: {deserted.samples}: cannot be read" in told.out + told.err
 

@@ -16,7 +16,7 @@ from analysis.torque_ratio.quadrants import QUADRANTS
 from recipes import RecipeError, check, load_recipe, parse_bench, shipped_benches, warnings
 from station.bench.figures import figures_of
 from station.bench.virtual_unit import NOT_NAMED
-from station.cli import app
+from station.cli import command_line
 from station.errors import StationError
 
 VALUES = [metric(0.4)]
@@ -43,8 +43,9 @@ def ratio(offset_nm: float, *, bench: str = "virtual", model: str = "RV-40E-121"
 
 def command(data: Path, *args: str) -> str:
     printed = io.StringIO()
+    words = ["calibration", *args, "--data", str(data)]
     with contextlib.redirect_stdout(printed):
-        assert app(["calibration", *args, "--data", str(data)], standalone_mode=False) in (0, None)
+        assert command_line("calibration")(words, standalone_mode=False) in (0, None)
     return printed.getvalue()
 
 

@@ -35,17 +35,23 @@ WITHIN_AN_HOUR = LOT._replace(since="2001-01-01T00:30:00.000+00:00")
 """The same runs, asked of the runs themselves, as the lot begins within an hour."""
 
 
-@pytest.fixture
-def measured(tmp_path: Path, store_url: str | None) -> Path:
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Runs with two fixtures and all angles, and one whose record says neither; a unit measured again in between."""
-    del store_url
-    data = tmp_path / "runs"
+    data = tmp_path_factory.mktemp("angles") / "runs"
     for number, (value, angle, fixture) in enumerate(zip(VALUES, ANGLES, FIXTURES, strict=True)):
         one = {"fixture": fixture, "lock_angle_deg": angle, "day": number / 8}
         store_run(data, f"U{number:02}", [metric(value)], **one)
     store_run(data, "U00", [metric(0.9)], day=4.0, failed="lost_motion", fixture="F-1", lock_angle_deg=359.5)
     store_run(data, "OLD", [metric(0.5)], day=4.1)
     return data
+
+
+@pytest.fixture
+def measured(made: Path, store_url: str | None) -> Path:
+    """The same runs in both databases, to be asked only."""
+    del store_url
+    return made
 
 
 @pytest.mark.parametrize("lot", [LOT, WITHIN_AN_HOUR], ids=["hours", "runs"])

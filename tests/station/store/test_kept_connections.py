@@ -10,12 +10,13 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
-from sqlalchemy import text
+from sqlalchemy import select, text
 
 from station.store import engine
 from station.store.engine import Database, StoreError
 from station.store.engines import ENGINES, IN_MEMORY, MOST_ENGINES, Engines, new_engine
 from station.store.places import FILE, STORE_URL, StorePlace, store_place
+from station.store.tables import RUNS
 
 
 @pytest.fixture(autouse=True)
@@ -107,6 +108,17 @@ def test_the_next_look_has_the_statements_of_the_one_before(beside: StorePlace) 
         pass
     with closing(Database(beside)) as second:
         assert first._engine is second._engine
+
+
+@pytest.mark.parametrize("other", [IN_MEMORY, "sqlite:///{}/other.sqlite3"])
+def test_a_statement_is_put_into_the_words_of_sqlite_once_for_all_of_its_files(
+    tmp_path: Path, beside: StorePlace, other: str
+) -> None:
+    said = []
+    for place in (beside, StorePlace(other.format(tmp_path))):
+        with closing(Database(place)) as database, database.reading() as connection:
+            said.append(connection.execute(select(RUNS.c.run)).context.compiled)
+    assert said[0] is said[1]
 
 
 def test_a_file_that_was_put_in_the_place_of_another_is_what_the_next_look_sees(

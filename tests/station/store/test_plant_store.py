@@ -60,13 +60,19 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def plant(made: Path, store_url: str | None) -> Iterator[Path]:
-    """The same runs in both databases; made again after a test that changed them."""
+def plant(made: Path, store_url: str | None) -> Path:
+    """The same runs in both databases, to be asked only."""
     del store_url
     bring_up(made, 60.0)
-    yield made
-    database = opened(made)
-    rebuild(database, Chain(made))
+    return made
+
+
+@pytest.fixture
+def plant_to_change(plant: Path) -> Iterator[Path]:
+    """The same, made again after a test that changed it."""
+    yield plant
+    database = opened(plant)
+    rebuild(database, Chain(plant))
     database.close()
 
 
@@ -158,9 +164,9 @@ def test_recipes_and_models_are_told_each_once(plant: Path) -> None:
     assert found.models == tuple(sorted({row.model for row in found.rows}))
 
 
-def test_hours_and_retests_are_those_of_a_store_that_is_made_anew(plant: Path) -> None:
+def test_hours_and_retests_are_those_of_a_store_that_is_made_anew(plant_to_change: Path) -> None:
     """Runs that go, come again and change leave the counts as if they had come in one go."""
-    database, chain = opened(plant), Chain(plant)
+    database, chain = opened(plant_to_change), Chain(plant_to_change)
     before = all_rows(database, chain)
     up_to = {"projections": before["projections"]}  # it goes with what is taken out: the next look puts in all again
     with database.reading() as connection:
@@ -203,14 +209,14 @@ def test_every_month_is_a_partition_and_the_next_one_is_made_ahead(
     database.close()
 
 
-def test_a_store_of_the_version_before_has_the_rows_of_one_that_is_made_anew(plant: Path) -> None:
-    database, chain = opened(plant), Chain(plant)
+def test_a_store_of_the_version_before_has_the_rows_of_one_that_is_made_anew(plant_to_change: Path) -> None:
+    database, chain = opened(plant_to_change), Chain(plant_to_change)
     before = all_rows(database, chain)
     with database.writing() as connection:
         to_version_0005(connection)
     database.close()
-    assert bring_up(plant, 60.0) == 0  # the chain is walked anew
-    database = opened(plant)
+    assert bring_up(plant_to_change, 60.0) == 0  # the chain is walked anew
+    database = opened(plant_to_change)
     assert all_rows(database, chain) == before
     with database.reading() as connection:
         if connection.dialect.name == "postgresql":
@@ -220,22 +226,22 @@ def test_a_store_of_the_version_before_has_the_rows_of_one_that_is_made_anew(pla
 
 
 def test_a_big_store_of_the_version_before_waits_for_a_rebuild(
-    plant: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    plant_to_change: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """A run that begins does not wait for it, and a look reads the folders; `store rebuild` brings it up."""
     monkeypatch.setattr("station.store.engine.FEW_RUNS", 10)
-    database, chain = opened(plant), Chain(plant)
+    database, chain = opened(plant_to_change), Chain(plant_to_change)
     before = all_rows(database, chain)
     with database.writing() as connection:
         to_version_0005(connection)
     database.close()
     with pytest.raises(StoreError, match=r"version 0005 and more than 10 runs.*'lostmotion store rebuild'"):
-        another_recipe(plant, "inverse", 1, "", most_s=1.0)
-    with look_at(plant) as view:
+        another_recipe(plant_to_change, "inverse", 1, "", most_s=1.0)
+    with look_at(plant_to_change) as view:
         assert len(view.runs) == len(before["attempts"])
     assert "store rebuild" in capsys.readouterr().err
-    assert here("store", "rebuild", "--data", str(plant)).exit_code == 0
-    database = opened(plant)
+    assert here("store", "rebuild", "--data", str(plant_to_change)).exit_code == 0
+    database = opened(plant_to_change)
     assert all_rows(database, chain) == before
     database.close()
 

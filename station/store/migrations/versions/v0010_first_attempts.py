@@ -6,7 +6,7 @@ import sqlalchemy as sa
 from alembic import op
 
 from station.store.plant.hours import count_all_hours
-from station.store.plant.retests import note_first
+from station.store.plant.retests import note_attempts
 
 revision = "0010"
 down_revision = "0009"
@@ -30,7 +30,7 @@ def upgrade() -> None:
     op.execute("UPDATE runs SET first = TRUE WHERE attempt = 1")
     measured_again = sa.text("SELECT DISTINCT chain, serial FROM runs WHERE attempt > 1")
     for chain, serial in connection.execute(measured_again).tuples().all():
-        note_first(connection, chain, [serial])
+        note_attempts(connection, chain, [serial])
     where: sa.ColumnElement[bool] = sa.literal_column("again")
     op.drop_index("runs_quality", "runs")
     op.create_index("runs_quality", "runs", list(QUALITY))

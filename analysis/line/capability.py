@@ -12,7 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.samples import checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -105,7 +105,7 @@ def capability(
     within = indices(mean, sd_within, lower, upper)
     overall = indices(mean, sd_overall, lower, upper)
     below, above = (math.inf if limit is None else (limit - mean) / sd_overall for limit in (lower, upper))
-    outside = (0.0 if lower is None else float(special.ndtr(below))) + float(special.ndtr(-above))
+    outside = (0.0 if lower is None else float(scipy.special.ndtr(below))) + float(scipy.special.ndtr(-above))
     cp, pp = (
         (None, None) if one.both is None else interval_of_both(one.both, free, level)
         for one, free in ((within, freedom), (overall, row.size - 1.0))
@@ -135,13 +135,15 @@ def capability(
 
 def interval_of_both(index: float, freedom: float, level: float) -> tuple[float, float]:
     """Confidence interval of Cp or Pp: the variance of its spread is chi-square of so many degrees of freedom."""
-    low, high = (math.sqrt(float(special.chdtri(freedom, 0.5 - 0.5 * side * level)) / freedom) for side in (-1, 1))
+    low, high = (
+        math.sqrt(float(scipy.special.chdtri(freedom, 0.5 - 0.5 * side * level)) / freedom) for side in (-1, 1)
+    )
     return index * low, index * high
 
 
 def interval_of_nearest(index: float, values: int, freedom: float, level: float) -> tuple[float, float]:
     """Confidence interval of Cpk or Ppk: by the mean of all values, and the spread of its degrees of freedom."""
-    z = float(special.ndtri(0.5 + 0.5 * level))
+    z = float(scipy.special.ndtri(0.5 + 0.5 * level))
     half = z * math.sqrt(1.0 / (9.0 * values) + index**2 / (2.0 * freedom))
     return index - half, index + half
 

@@ -15,7 +15,7 @@ import functools
 import math
 from collections.abc import Sequence
 
-from scipy import integrate, special
+import scipy  # loads integrate and special where they are used
 
 from analysis.line.control_chart import SIGMAS, SpreadKind, spread_constants
 from analysis.line.run_rules import RunLength, average_run_length
@@ -46,14 +46,14 @@ def spread_alarm(kind: SpreadKind, subgroup: int) -> float:
 
 def _sd_below(sd: float, subgroup: int) -> float:
     """Return the probability of a smaller standard deviation: (n − 1) s² / σ² has the chi-squared distribution."""
-    return float(special.chdtr(subgroup - 1, (subgroup - 1) * sd**2))
+    return float(scipy.special.chdtr(subgroup - 1, (subgroup - 1) * sd**2))
 
 
 def _range_below(reach: float, subgroup: int) -> float:
     """Return the probability of a smaller range: the smallest value at x, all others within `reach` above it."""
 
     def density(x: float) -> float:
-        within = special.ndtr(x + reach) - special.ndtr(x)
+        within = scipy.special.ndtr(x + reach) - scipy.special.ndtr(x)
         return float(subgroup * math.exp(-0.5 * x * x) / math.sqrt(2.0 * math.pi) * within ** (subgroup - 1))
 
-    return float(integrate.quad(density, -math.inf, math.inf, epsabs=1e-12)[0])
+    return float(scipy.integrate.quad(density, -math.inf, math.inf, epsabs=1e-12)[0])

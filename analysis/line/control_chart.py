@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.gage_study import range_constants
 from analysis.line.run_rules import RULE_SETS, Signal, signals
@@ -73,7 +73,9 @@ class ControlChart:
 @functools.cache
 def sd_constants(count: int) -> tuple[float, float]:
     """Return c₄, mean of the standard deviation of `count` standard normal values, and the spread of it √(1 − c₄²)."""
-    mean = math.sqrt(2.0 / (count - 1)) * math.exp(special.gammaln(count / 2) - special.gammaln((count - 1) / 2))
+    mean = math.sqrt(2.0 / (count - 1)) * math.exp(
+        scipy.special.gammaln(count / 2) - scipy.special.gammaln((count - 1) / 2)
+    )
     return mean, math.sqrt(1.0 - mean**2)
 
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.samples import checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -166,7 +166,7 @@ def analyse_gage_study(
             "readings; check the gage resolution and the entered values"
         )
     ratio = interaction.mean_square / repeatability.mean_square if repeatability.sum_of_squares > 0.0 else math.inf
-    p = float(special.fdtrc(interaction.freedom, repeatability.freedom, ratio))
+    p = float(scipy.special.fdtrc(interaction.freedom, repeatability.freedom, ratio))
     pooled = p > pool_above
     rows = [part, operator, interaction, repeatability]
     if pooled:
@@ -276,7 +276,7 @@ def range_constants(count: int) -> tuple[float, float]:
     """Return d₂ (mean range of `count` standard normal values) and d₂* of one group (root mean square range)."""
     x = np.linspace(-INTEGRATION_SPAN, INTEGRATION_SPAN, INTEGRATION_POINTS)
     step = float(x[1] - x[0])
-    below = special.ndtr(x)
+    below = scipy.special.ndtr(x)
     mean = float((1.0 - below**count - (1.0 - below) ** count).sum()) * step
     low, high = below[:, None], below[None, :]
     # P(smallest ≤ x, largest > y) over x < y integrates to half the mean square of the range

@@ -11,7 +11,7 @@ import math
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.samples import checked_level
 from analysis.trace.errors import AnalysisError
@@ -82,7 +82,7 @@ def compare_groups(sums: Mapping[str, Sums], origin: float = 0.0, level: float =
     variance = within / freedom
     ratio = math.inf if not variance > 0.0 else between / (len(sums) - 1) / variance
     effective = (total - sum(one.number**2 for one in sums.values()) / total) / (len(sums) - 1)
-    reach = float(special.stdtrit(freedom, 0.5 + 0.5 * level)) * math.sqrt(variance)
+    reach = float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * level)) * math.sqrt(variance)
     found = []
     for name, one in sums.items():
         middle, half = origin + one.first / one.number, reach / math.sqrt(one.number)
@@ -93,7 +93,7 @@ def compare_groups(sums: Mapping[str, Sums], origin: float = 0.0, level: float =
         mean=origin + mean,
         sd_within=math.sqrt(variance),
         sd_between=math.sqrt(max(0.0, between / (len(sums) - 1) - variance) / effective),
-        p_same=float(special.fdtrc(len(sums) - 1, freedom, ratio)),
+        p_same=float(scipy.special.fdtrc(len(sums) - 1, freedom, ratio)),
         share_between=between / (between + within) if between + within > 0.0 else 0.0,
     )
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.capability import MOVING_RANGE
 from analysis.line.samples import checked_level, checked_row
@@ -102,8 +102,8 @@ def master_part_trend(
     if not sd > 0.0:
         raise AnalysisError("master part: all values of the baseline are identical; check whether they were rounded")
     slope, u_slope = _line(when, row)
-    p = 2.0 * float(special.stdtr(row.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
-    reach = sd * math.sqrt(1.0 + 1.0 / baseline) * float(special.stdtrit(0.62 * (baseline - 1), INSIDE_ONE_SIDE))
+    p = 2.0 * float(scipy.special.stdtr(row.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
+    reach = sd * math.sqrt(1.0 + 1.0 / baseline) * float(scipy.special.stdtrit(0.62 * (baseline - 1), INSIDE_ONE_SIDE))
     signals = _signals(row, centre, reach)
     if p < 1.0 - level:
         signals.append(Signal("trend", row.size, f"drifts by {slope:.3g} per day: look for what wears or creeps"))

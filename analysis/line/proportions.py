@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import NamedTuple
 
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.samples import checked_level
 from analysis.trace.errors import AnalysisError
@@ -42,8 +42,8 @@ def proportion(count: int, of: int, level: float = 0.95) -> Proportion:
     if not 0 <= count <= of:
         raise AnalysisError(f"share: found a count of {count} out of {of}; expected 0 to {of}")
     tail = 0.5 * (1.0 - level)
-    low = float(special.betaincinv(count, of - count + 1, tail)) if count else 0.0
-    high = float(special.betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
+    low = float(scipy.special.betaincinv(count, of - count + 1, tail)) if count else 0.0
+    high = float(scipy.special.betaincinv(count + 1, of - count, 1.0 - tail)) if count < of else 1.0
     return Proportion(count, of, count / of if of else None, low, high)
 
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import BoolArray, FloatArray
@@ -220,7 +220,7 @@ def _zones(chosen: Sequence[Rule], shift: float) -> list[tuple[tuple[bool, ...],
     for low, high in itertools.pairwise(edges):
         inside = 0.5 * (max(low, lines[0] - 1.0) + min(high, lines[-1] + 1.0))
         hits = tuple(_hit(inside, rule, side) for rule, side in _watches(chosen))
-        found.append((hits, float(special.ndtr(high - shift) - special.ndtr(low - shift))))
+        found.append((hits, float(scipy.special.ndtr(high - shift) - scipy.special.ndtr(low - shift))))
     return found
 
 

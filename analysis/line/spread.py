@@ -15,7 +15,7 @@ from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.samples import LARGEST, checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -104,7 +104,7 @@ def unit_to_unit(by_unit: Mapping[str, Sequence[float] | FloatArray], level: flo
     means = np.add.reduceat(values, first) / sizes
     sd = float(means.std(ddof=1))
     freedom = means.size - 1
-    low, high = (sd * math.sqrt(freedom / special.chdtri(freedom, 0.5 - sign * 0.5 * level)) for sign in (1, -1))
+    low, high = (sd * math.sqrt(freedom / scipy.special.chdtri(freedom, 0.5 - sign * 0.5 * level)) for sign in (1, -1))
     within, between = _components(values, sizes, means)
     names = list(by_unit)
     distance = np.abs(means - np.median(means))

@@ -12,7 +12,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.capability import interval_of_both, interval_of_nearest
 from analysis.line.samples import checked_level, checked_row
@@ -113,7 +113,7 @@ def type_one(
         mean=mean,
         sd=sd,
         bias=bias,
-        p_no_bias=2.0 * float(special.stdtr(freedom, -abs(bias) * math.sqrt(row.size) / sd)),
+        p_no_bias=2.0 * float(scipy.special.stdtr(freedom, -abs(bias) * math.sqrt(row.size) / sd)),
         cg=cg,
         cg_low=cg_low,
         cg_high=cg_high,

@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy import optimize
+import scipy  # loads optimize where it is used
 
 from analysis.models.path import PathState
 from analysis.models.samples import LoopSamples, loop_shape
@@ -116,7 +116,9 @@ def identify(loop: LoopSamples, model: str, fixed: Mapping[str, float] | None = 
         return torque_on_branches(row, values(x), x[len(free) :], loop) - loop.torque_nm
 
     def search(begin: FloatArray, evaluations: int, **how: Any) -> Any:
-        return optimize.least_squares(residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations, **how)
+        return scipy.optimize.least_squares(
+            residual, begin, bounds=(least, most), x_scale="jac", max_nfev=evaluations, **how
+        )
 
     try:
         with np.errstate(all="ignore"):

@@ -17,7 +17,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
-from scipy import optimize
+import scipy  # loads optimize where it is used
 
 from analysis.models.elements import maxwell_slip
 from analysis.models.identify import MOST_CORRELATION, Identified, Refusal
@@ -176,7 +176,7 @@ def _hanging_together(correlation: FloatArray, used: IntArray, effect: FloatArra
 def _non_negative(columns: FloatArray, torque_nm: FloatArray, allowed: BoolArray) -> FloatArray:
     scale = np.sqrt(np.square(columns[:, allowed]).sum(axis=0))
     try:
-        found, _ = optimize.nnls(columns[:, allowed] / scale, torque_nm)
+        found, _ = scipy.optimize.nnls(columns[:, allowed] / scale, torque_nm)
     except (RuntimeError, ValueError) as error:
         raise AnalysisError(f"model {NAME}: the fit fails on this loop: {error}; check the measured loop") from error
     stiffness = np.zeros(columns.shape[1])

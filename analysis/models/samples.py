@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy import optimize
+import scipy  # loads optimize where it is used
 
 from analysis.loop.branches import Branch
 from analysis.trace.errors import AnalysisError
@@ -166,7 +166,7 @@ def _from_turn(angle: FloatArray, torque: FloatArray, direction: int) -> tuple[F
     encoder at one shaft are no turns of the reducer: followed as such, each would cost a model part of its friction.
     """
     start = int(np.argmin(direction * angle))
-    ahead = optimize.isotonic_regression(direction * angle[start:]).x
+    ahead = scipy.optimize.isotonic_regression(direction * angle[start:]).x
     return direction * ahead, torque[start:]
 
 

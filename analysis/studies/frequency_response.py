@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize, signal
+import scipy  # loads optimize and signal where they are used
 
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import BoolArray, FloatArray
@@ -91,9 +91,9 @@ def frequency_response(
             f"the coherence; record longer, or more periods"
         )
     options = {"fs": 1.0 / step, "window": window, "nperseg": length, "noverlap": overlap, "detrend": "constant"}
-    frequency, s_xx = signal.welch(x, **options)
-    _, s_yy = signal.welch(y, **options)
-    _, s_xy = signal.csd(x, y, **options)
+    frequency, s_xx = scipy.signal.welch(x, **options)
+    _, s_yy = scipy.signal.welch(y, **options)
+    _, s_xy = scipy.signal.csd(x, y, **options)
     inside = (frequency >= low) & (frequency <= high)
     if not inside.any() or float(s_xx[inside].max()) <= 0.0:
         raise AnalysisError("frequency response: the torque does not change within the band; check the chirp")
@@ -214,7 +214,9 @@ def fit_resonance(found: FrequencyResponse) -> Resonance:
     starts = [[*np.log([static, peak, damping]).tolist(), 0.0] for damping in (0.01, 0.05, 0.3)]
     try:
         with np.errstate(all="ignore"):
-            fits = [optimize.least_squares(residual, start, x_scale=[1, 1, 1, 1e-3], max_nfev=400) for start in starts]
+            fits = [
+                scipy.optimize.least_squares(residual, start, x_scale=[1, 1, 1, 1e-3], max_nfev=400) for start in starts
+            ]
     except (ValueError, np.linalg.LinAlgError) as error:
         raise AnalysisError(f"resonance: the fit fails: {error}; check the measured response") from error
     best = min(fits, key=lambda fit: float(fit.cost))

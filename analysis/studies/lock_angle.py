@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy import stats
+import scipy  # loads stats where it is used
 
 from analysis.line.samples import checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -77,10 +77,10 @@ def lock_angle_study(metrics: Mapping[str, Sequence[float] | FloatArray], level:
 
 
 def _correlation(first: str, second: str, x: FloatArray, y: FloatArray, level: float) -> Correlation:
-    r = float(np.clip(stats.pearsonr(x, y).statistic, -1.0, 1.0))
-    p = float(stats.pearsonr(x, y).pvalue)
+    r = float(np.clip(scipy.stats.pearsonr(x, y).statistic, -1.0, 1.0))
+    p = float(scipy.stats.pearsonr(x, y).pvalue)
     if abs(r) >= 1.0 - 1e-12:
         return Correlation(first, second, r, r, r, p)
-    half = float(stats.norm.ppf(0.5 + 0.5 * level)) / math.sqrt(x.size - 3)
+    half = float(scipy.stats.norm.ppf(0.5 + 0.5 * level)) / math.sqrt(x.size - 3)
     low, high = (math.tanh(math.atanh(r) + sign * half) for sign in (-1.0, 1.0))
     return Correlation(first, second, r, low, high, p)

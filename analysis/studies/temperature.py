@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import special
+import scipy  # loads special where it is used
 
 from analysis.line.samples import checked_level, checked_row
 from analysis.trace.errors import AnalysisError
@@ -81,8 +81,8 @@ def temperature_trend(
     residual = y - y.mean() - slope * (x - centre)
     sd = math.sqrt(float(np.square(residual).sum()) / (x.size - 2))
     u_slope = sd / math.sqrt(spread)
-    half = float(special.stdtrit(x.size - 2, 0.5 + 0.5 * level)) * u_slope
-    p = 2.0 * float(special.stdtr(x.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
+    half = float(scipy.special.stdtrit(x.size - 2, 0.5 + 0.5 * level)) * u_slope
+    p = 2.0 * float(scipy.special.stdtr(x.size - 2, -abs(slope) / u_slope)) if u_slope > 0.0 else float(slope == 0.0)
     return TemperatureTrend(
         slope_per_c=slope,
         u_slope_per_c=u_slope,

@@ -7,6 +7,8 @@ from __future__ import annotations
 
 from recipes import find_recipe, load_recipe, shipped_recipes
 from station.reevaluation.evaluate_one import software_key
+from station.results.evaluation import load_ahead
 
+load_ahead()
 READY = software_key(), load_recipe(find_recipe(next(iter(shipped_recipes()))))
 """Which program it is, and the units that recipes are read with."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -45,6 +46,16 @@ AS_RECORDED = {
     "drive_angle_rad": "drive_angle_rad",
 }
 """Channel of a trace, and the field of the image that it is."""
+
+LOADED_AHEAD = ("scipy.ndimage", "scipy.optimize", "numpy.polynomial", "pyarrow.parquet")
+"""What an evaluation loads when it first needs it: most of a second on a slow computer."""
+
+
+def load_ahead() -> None:
+    """Load it now, so that it is no part of the time between the end of the motion and the verdict."""
+    for name in LOADED_AHEAD:
+        import_module(name)
+    import_module("pyarrow").array([0.0])  # its first array looks for pandas, and loads it where it is installed
 
 
 def method_of(recipe: Recipe, bench: Bench) -> Method:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from importlib import import_module
 
 from analysis.evaluation.pipeline import Result as Found
 from analysis.trace.errors import AnalysisError
@@ -46,17 +45,6 @@ from station.wall_clock import now_text
 
 NOT_DECIDABLE = "NOT DECIDABLE"
 END_STATES: dict[int, str] = {State.COMPLETE: "complete", State.STOPPED: "stopped", State.FAULT: "fault"}
-
-
-LOADED_AHEAD = ("scipy.ndimage", "scipy.optimize", "numpy.polynomial", "pyarrow.parquet")
-"""What an evaluation loads when it first needs it: most of a second on a slow computer."""
-
-
-def load_ahead() -> None:
-    """Load it now, so that it is no part of the time between the end of the motion and the verdict."""
-    for name in LOADED_AHEAD:
-        import_module(name)
-    import_module("pyarrow").array([0.0])  # its first array looks for pandas, and loads it where it is installed
 
 
 @dataclass(frozen=True)

@@ -166,7 +166,7 @@ def _begin(server: int) -> None:
         os._exit(0)
 
     Thread(target=watch, daemon=True).start()
-    from station.run.conclusion import load_ahead
+    from station.results.evaluation import load_ahead
 
     load_ahead()  # now, and not when the first person waits for a loop
 

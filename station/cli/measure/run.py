@@ -26,8 +26,9 @@ from station.records.data_folder import Store, check_note, check_operator, check
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
 from station.reports.result_view import result_console, show_report, show_result
 from station.reports.stored_result import stored_result
+from station.results.evaluation import load_ahead
 from station.run.ahead import Ahead
-from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude, load_ahead
+from station.run.conclusion import NOT_DECIDABLE, Conclusion, conclude
 from station.run.disk_space import refuse_full_disk
 from station.run.new_record import Wanted, new_record
 from station.run.outcome import SUPERVISOR_REPORT, RunOutcome

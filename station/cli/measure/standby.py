@@ -22,9 +22,9 @@ from station.documents.result import Result
 from station.documents.timing import Timing
 from station.errors import StationError
 from station.own_program import own_module
+from station.results.evaluation import load_ahead
 from station.run.ahead import Ahead
 from station.run.children import SCAN, VIRTUAL_BENCH, start_ahead
-from station.run.conclusion import load_ahead
 from station.run.process_specs import likely_bench_spec
 from station.version import program_seen, software
 from virtual_bench.errors import VirtualBenchError

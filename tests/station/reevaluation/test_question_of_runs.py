@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import multiprocessing
 import os
 import shutil
 import signal
@@ -30,6 +31,7 @@ from station.reevaluation.jobs import Where, jobs_of, where_of
 from station.reevaluation.ledger import FOLDER
 from station.reevaluation.question import Question, question_of
 from station.reevaluation.run_question import Means, ask_of_runs
+from station.results.evaluation import LOADED_AHEAD
 
 METRICS = ("lost_motion", "stiffness_at torque=50% branch=load")
 
@@ -238,6 +240,17 @@ def test_the_command_evaluates_real_runs_in_processes_of_its_own(folder: Path, s
     assert told.exit_code == 0, told
     assert told.json["changes"] == [{"before": "PASS", "after": "FAIL", "runs": 1}]
     assert Store(folder / "good").find("last").manifest().verdict == "PASS"
+
+
+def test_what_an_evaluation_loads_is_there_before_a_process_is_forked() -> None:
+    """Else each process, and each one in its place, would load it again."""
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["station.reevaluation.forked"])
+    code = f"import os, sys; os._exit(len(set({LOADED_AHEAD}) - set(sys.modules)))"
+    process = context.Process(target=exec, args=(code,))
+    process.start()
+    process.join()
+    assert process.exitcode == 0
 
 
 def test_a_metric_without_a_limit_flips_nothing(folder: Path) -> None:

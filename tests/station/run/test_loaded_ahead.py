@@ -9,14 +9,14 @@ from pathlib import Path
 
 from lostmotion_command import ROOT
 
-from station.run.conclusion import LOADED_AHEAD
+from station.results.evaluation import LOADED_AHEAD
 
 CODE = """
 import json, sys
 from pathlib import Path
 from station.records.run_record import RunRecord
 from station.results.run_analysis import complete_run
-from station.run.conclusion import load_ahead
+from station.results.evaluation import load_ahead
 load_ahead()
 before = set(sys.modules)
 complete_run(RunRecord(Path(sys.argv[1])))

@@ -12,6 +12,7 @@ from contextlib import closing
 from pathlib import Path
 
 import pytest
+from argon2.exceptions import VerifyMismatchError
 from lostmotion_command import here
 from sqlalchemy import delete, select, update
 from station_support import FIRST, OF_THE_STATION, PASSWORD, client_of, station_in
@@ -47,6 +48,8 @@ def test_a_password_is_hashed_as_slowly_as_is_recommended() -> None:
     code = "from station.web.people import accounts as a; print(a._HASHER.hash('x'), a.NOBODY)"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     assert [one.rsplit("$", 2)[0] for one in told] == [kept.rsplit("$", 2)[0]] * 2, "a process that no test has changed"
+    with pytest.raises(VerifyMismatchError):  # compared, and not refused before that takes its time
+        OF_THE_STATION.verify(told[1], PASSWORD)
 
 
 def test_the_first_start_makes_one_account_whose_password_is_to_be_changed(database: StationDatabase) -> None:

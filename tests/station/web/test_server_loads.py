@@ -1,4 +1,4 @@
-"""The server loads what its pages need, and nothing of what its other processes do: buses, physics, drawing."""
+"""The server loads what its pages need, and nothing of what its other processes do: buses, physics, fits, drawing."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from lostmotion_command import ROOT
 
 NOT_NEEDED = frozenset(
     {"canopen", "can", "pymodbus", "serial", "cantools", "durand", "numba", "llvmlite", "matplotlib", "reportlab",
-     "nptdms", "station.scan.scan_process", "station.run.supervisor", "virtual_bench.server"}
+     "nptdms", "scipy.integrate", "scipy.optimize", "scipy.special", "station.scan.scan_process",
+     "station.run.supervisor", "virtual_bench.server"}
 )  # fmt: skip
 LOOK = "import json, sys, station.web.server; print(json.dumps(sorted(sys.modules)))"
 

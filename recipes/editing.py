@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ruamel.yaml import YAML
@@ -66,29 +67,39 @@ def load_of(source: Source) -> list[Group]:
 
 
 def changed(content: bytes, option: OptionPath, value: str) -> bytes:
-    """Return the text of a recipe with another value of an option; '' takes the option out.
+    """Return the text of a recipe with another value of an option; '' takes the option out. Raises as `all_changed`."""
+    return all_changed(content, [(option, value)])
+
+
+def all_changed(content: bytes, changes: Sequence[tuple[OptionPath, str]]) -> bytes:
+    """Return the text of a recipe with other values of options, read and written once; '' takes an option out.
 
     Raises:
-        RecipeError: the text is no YAML, has no section of this option, or the value is none.
+        RecipeError: the text is no YAML, has no section of an option, or a value is none.
 
     """
     source = parse_source(content, "recipe")
     if not source.complete:
         raise RecipeError(source.problems)
     yaml, whole = _round_trip(content)
+    for option, value in changes:
+        _change(whole, source, option, value.strip())
+    out = io.StringIO()
+    yaml.dump(whole, out)
+    return out.getvalue().encode()
+
+
+def _change(whole: Any, source: Source, option: OptionPath, value: str) -> None:
     section = whole
     for part in option[:-1]:
         section = section[part] if _has(section, part) else None
     if not isinstance(section, dict):
         raise RecipeError([source.problem(option, f"no {dotted(option[:-1])}", "a section with this option")])
     name = option[-1]
-    if value.strip():
-        section[name] = _read(source, option, value.strip())
+    if value:
+        section[name] = _read(source, option, value)
     else:
         section.pop(name, None)
-    out = io.StringIO()
-    yaml.dump(whole, out)
-    return out.getvalue().encode()
 
 
 def _has(section: Any, part: str | int) -> bool:

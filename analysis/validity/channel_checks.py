@@ -218,7 +218,12 @@ def angle_steps(found: Measured) -> Reading | str:
             if channel is None:
                 continue
             at_output = one.run.take(channel) * (ARCMIN_PER_RAD / over)
-            values = np.unique(np.round(at_output / STEPS_TO)) * STEPS_TO
+            counts = np.round(at_output / STEPS_TO)
+            moves = np.abs(np.diff(counts * STEPS_TO))
+            moves = moves[moves > 0.0]
+            if moves.size and moves.min() * 100.0 <= worst.figure * whole:
+                continue  # the smallest step is no larger than that between neighbours: most need no sorting
+            values = np.unique(counts) * STEPS_TO
             step = float(np.diff(values).min()) if values.size > 1 else 0.0  # a locked shaft may stand
             if step * 100.0 > worst.figure * whole:
                 words = f"{name} moves in steps of {step:.2g} arcmin at the output, of {whole:.3g} wind-up"

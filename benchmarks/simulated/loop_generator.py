@@ -69,10 +69,11 @@ class Course:
     segments: dict[int, SegmentInfo] = field(default_factory=dict)
 
 
-def _windup(unit: Kind, torque_nm: np.ndarray, plays: np.ndarray) -> np.ndarray:
-    """Wind-up [arcmin] along one direction: exact at every fourth sample, straight between; plays: a row per sample."""
-    there = np.unique(np.append(np.arange(0, torque_nm.size, EXACT_EVERY), torque_nm.size - 1))
-    exact = unit.mean_angle(plays[there])
+def _windup(unit: Kind, torque_nm: np.ndarray, plays: np.ndarray, direction: int) -> np.ndarray:
+    """Wind-up [arcmin] along one direction: exact at every fourth sample, straight between; plays: before the first."""
+    last = torque_nm.size - 1
+    there = np.append(np.arange(0, last, EXACT_EVERY), last)
+    exact = unit.mean_angle(unit.moved(plays, torque_nm[there], direction))
     return np.interp(np.arange(torque_nm.size), there, exact)
 
 
@@ -96,8 +97,9 @@ def course_of(unit: Kind, bench: Bench) -> Course:
     crept, branch = 0.0, 0
     for number, (role, direction, cycle, start, stop) in enumerate(plan):
         torque = np.arange(start, stop, direction * step)
-        along = unit.moved(plays, torque, direction)
-        windup = _windup(unit, torque, along) + crept
+        # where the plays are all along the way only a hold asks; a column for each of them is most of the work
+        along = unit.moved(plays, torque if bench.holds else torque[-1:], direction)
+        windup = _windup(unit, torque, plays, direction) + crept
         for hold in bench.holds if role == "measure" else ():
             if hold.branch == branch:
                 torque, along, windup = held(unit, (torque, along, windup), hold, bench.period_s)

@@ -10,9 +10,10 @@ from typing import NamedTuple
 
 from definitions.metrics import METRICS
 from recipes import MetricWanted, Recipe, parse_recipe
-from recipes.editing import changed
+from recipes.editing import all_changed
 from recipes.schema.metric_schema import LIMIT_OPTIONS
 from recipes.selection import CHOICES, read_alone, written_options
+from recipes.text.problems import OptionPath
 from station.errors import StationError
 from station.store.quality.trial import Rule
 
@@ -81,11 +82,8 @@ def changed_recipe(content: bytes, change: RecipeChange, named: str = NAMED) -> 
 
     """
     place = place_of(parse_recipe(content, named), change.metric, named)
-    for name, value in change.entry:
-        content = changed(content, ("metrics", place, name), value)
-    for name, value in change.decision:
-        content = changed(content, ("decision", name), value)
-    return content
+    entry: list[tuple[OptionPath, str]] = [(("metrics", place, name), value) for name, value in change.entry]
+    return all_changed(content, [*entry, *((("decision", name), value) for name, value in change.decision)])
 
 
 def place_of(recipe: Recipe, metric: str, named: str = NAMED) -> int:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from recipes import RecipeError, parse_recipe, shipped_recipes
-from recipes.editing import changed, limits_of, load_of
+from recipes.editing import all_changed, changed, limits_of, load_of
+from recipes.text.problems import OptionPath
 from recipes.text.yaml_source import parse_source
 
 
@@ -24,9 +25,9 @@ def test_what_a_form_changes_is_one_line_of_the_text_and_no_comment(path: Path) 
     groups = [*limits_of(source), *load_of(source)]
     fields = [field for group in groups for field in group.fields]
     assert len({field.option for field in fields}) == len(fields) >= 6
+    same = [(field.option, field.value) for field in fields if field.value]
+    assert all_changed(content, same) == content, "the same values change nothing"
     for field in fields:
-        if field.value:
-            assert changed(content, field.option, field.value) == content, "the same value changes nothing"
         now = changed(content, field.option, "7 arcmin")
         removed, added = lines_between(content, now)
         assert removed[0] == "-"
@@ -37,14 +38,17 @@ def test_what_a_form_changes_is_one_line_of_the_text_and_no_comment(path: Path) 
 
 
 def test_a_changed_recipe_is_loaded_with_the_new_values() -> None:
-    content = shipped_recipes()["rv-40e-121-quick"].read_bytes()
-    for option, value in (
+    before = content = shipped_recipes()["rv-40e-121-quick"].read_bytes()
+    changes: list[tuple[OptionPath, str]] = [
         (("metrics", 0, "max"), "1.2 arcmin"),
         (("metrics", 4, "min"), "100 N·m·arcmin"),
+        (("metrics", 1, "max"), ""),
         (("sequence", 3, "torque_cycles", "count"), "3"),
         (("recipe", "revision"), "17"),
-    ):
+    ]
+    for option, value in changes:
         content = changed(content, option, value)
+    assert all_changed(before, changes) == content, "changed at once, they give the text that they give one by one"
     recipe = parse_recipe(content, "r")
     assert (recipe.metrics[0].max, recipe.metrics[4].min, recipe.recipe.revision) == (1.2, 100.0, 17)
     assert recipe.sequence[3].count == 3

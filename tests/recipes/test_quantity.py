@@ -22,7 +22,19 @@ from definitions.units import (
     TORQUE,
     TORQUE_RATE,
 )
-from recipes.text.quantity import LONGEST_TEXT, QuantityError, convert, read_quantity, show, unit_registry
+from recipes.text import quantity
+from recipes.text.quantity import (
+    FACTORS,
+    KNOWN,
+    LONGEST_TEXT,
+    SHARES,
+    QuantityError,
+    convert,
+    read_quantity,
+    read_unit,
+    show,
+    unit_registry,
+)
 
 ARCMIN = math.pi / 10800
 
@@ -197,3 +209,21 @@ def test_the_units_are_defined_once_each_and_the_library_has_nothing_to_say(capl
     """Found in a plant's own tests: pytest showed its warnings with every failure."""
     unit_registry.__wrapped__()
     assert caplog.records == []
+
+
+@pytest.mark.parametrize(("unit", "to_unit", "factor"), [*((*pair, by) for pair, by in FACTORS.items()),
+                                                         *((unit, unit, 1.0) for unit in sorted(KNOWN))])  # fmt: skip
+def test_what_is_known_of_usual_units_is_what_the_library_says(unit: str, to_unit: str, factor: float) -> None:
+    for number in (1.0, -0.0, 1 / 3, 412.0, 1e300):
+        said = unit_registry().Quantity(number, read_unit(unit)).to(read_unit(to_unit)).magnitude
+        assert float(said).hex() == (number * factor).hex() == convert(number, unit, to_unit).hex()
+    assert (unit in SHARES) == (to_unit in SHARES) == (not read_unit(unit).dimensionality)
+
+
+def test_for_usual_units_the_library_is_not_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = [read_quantity(kind.example, kind) for kind in KINDS]
+    monkeypatch.setattr(quantity, "unit_registry", None)
+    monkeypatch.setattr(quantity, "read_unit", None)
+    assert [read_quantity(kind.example, kind) for kind in KINDS] == expected
+    assert [show(1.0, kind) for kind in KINDS]
+    assert read_quantity("50 %", TORQUE, 412.0) == 206.0

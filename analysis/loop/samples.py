@@ -150,9 +150,15 @@ def _torque_ratio(trace: Trace, method: Method, runs: Sequence[Run]) -> tuple[Qu
     which = "torque ratio" if calibrated else "torque ratio of the measured cycles"
     return quadrants, [
         f"{which}, {name}: T_out = {fit.offset_nm:.4g} + {fit.slope:.5g} T_in (N·m), s = "
-        f"{fit.residual_sd_nm:.2g} N·m over {fit.points} points, {fit.flagged.size} flagged"
+        f"{fit.residual_sd_nm:.2g} N·m over {fit.points} points, {fit.flagged.size} flagged{_begin(quadrants, name)}"
         for name, fit in quadrants.fits.items()
     ]
+
+
+def _begin(quadrants: Quadrants, name: str) -> str:
+    """Say from where a line was fitted that begins later for a bounce; '' of another."""
+    begin_nm = quadrants.begins_nm.get(name)
+    return "" if begin_nm is None else f", from {begin_nm:.3g} N·m, where the bounce out of the play is over"
 
 
 def _branch_samples(

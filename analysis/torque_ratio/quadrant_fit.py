@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
+from analysis.torque_ratio.line_begin import bounce_end_nm
 from analysis.torque_ratio.line_fit import LEAST_POINTS, RatioFit, fit_torque_ratio
 from analysis.torque_ratio.quadrants import QUADRANTS, Leftover, Leftovers, Quadrants, TorqueLine, by_lines
 from analysis.torque_ratio.transition_fit import Branch, fit_transition, fit_zero, whole_branches
@@ -16,6 +17,7 @@ from analysis.trace.trace import Trace
 from analysis.trace.units import FloatArray
 
 LOADING_RANGE = (0.05, 0.99)
+"""Shares of the peak torque that a loading line is fitted between; it begins later where the unit bounces."""
 
 UNLOADING_RANGE = (0.05, 0.75)
 """Share of the peak torque that a line is fitted to; above, an unloading run is still in its transition."""
@@ -47,9 +49,7 @@ def fit_quadrants(trace: Trace, runs: Sequence[Run]) -> Quadrants:
             "add the step 'calibrate' to the recipe, or give a stored calibration"
         )
     peak = max(float(np.abs(run.take(torque_out)).max()) for run in calibration)
-    fits = fit_lines(trace, calibration)
-    lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
-    steady = Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
+    steady = _by_fits(trace, calibration)
     branches = whole_branches(trace, calibration, peak)
     length = fit_transition(branches, steady, peak)
     if length is None:
@@ -69,22 +69,41 @@ def quadrants_of_cycles(trace: Trace, runs: Sequence[Run]) -> Quadrants:
             f"{trace.source}: found no cycle for the torque ratio; expected a measured cycle or a calibrate "
             "segment. Use a trace that has one"
         )
-    fits = fit_lines(trace, cycles)
+    return _by_fits(trace, cycles)
+
+
+def _by_fits(trace: Trace, runs: Sequence[Run]) -> Quadrants:
+    """Fit the four lines to runs, the loading lines from where no bounce out of the play is left."""
+    begins = bounce_ends_nm(trace, runs)
+    fits = fit_lines(trace, runs, begins_nm=begins)
     lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
-    return Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits)
+    return Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits, begins_nm=begins)
+
+
+def bounce_ends_nm(trace: Trace, runs: Sequence[Run]) -> dict[str, float]:
+    """Return the output torque [N·m] at which a bounce out of the play is over, of the loading lines that have one.
+
+    Raises AnalysisError when the output torque is missing.
+    """
+    torque_out = trace.channel("torque_out_nm", "the torque ratio")
+    peak = max(float(np.abs(run.take(torque_out)).max()) for run in runs)
+    ends = {}
+    for name, sign in (("load_positive", 1), ("load_negative", -1)):
+        ends[name] = bounce_end_nm([run for run in runs if run.direction == sign], torque_out, sign, peak)
+    return {name: end for name, end in ends.items() if end > LOADING_RANGE[0] * peak}
 
 
 def fit_lines(
     trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE,
-    loading: tuple[float, float] = LOADING_RANGE,
+    loading: tuple[float, float] = LOADING_RANGE, begins_nm: Mapping[str, float] | None = None,
 ) -> dict[str, RatioFit]:  # fmt: skip
     """Fit the line of each quadrant to runs, of any role, in which both torques were measured.
 
-    unloading, loading: shares of the peak torque between which such a line is fitted.
+    unloading, loading: shares of the peak torque between which such a line is fitted. begins_nm: see `quadrant_points`.
     Raises AnalysisError when a channel is missing or a quadrant has too few points, naming it.
     """
     fits = {}
-    for name, (x, y) in quadrant_points(trace, runs, unloading, loading).items():
+    for name, (x, y) in quadrant_points(trace, runs, unloading, loading, begins_nm).items():
         if x.size < LEAST_POINTS:
             raise AnalysisError(
                 f"{trace.source}: torque ratio: quadrant {name} has {x.size} points; expected {LEAST_POINTS} or "
@@ -96,12 +115,13 @@ def fit_lines(
 
 def quadrant_points(
     trace: Trace, runs: Sequence[Run], unloading: tuple[float, float] = UNLOADING_RANGE,
-    loading: tuple[float, float] = LOADING_RANGE,
+    loading: tuple[float, float] = LOADING_RANGE, begins_nm: Mapping[str, float] | None = None,
 ) -> dict[str, tuple[FloatArray, FloatArray]]:  # fmt: skip
     """Return input and output torques [N·m] of the runs by quadrant, averaged; a quadrant may have none.
 
-    unloading, loading: shares of the peak torque between which such a line is fitted. Raises AnalysisError when a
-    channel is missing, naming it.
+    unloading, loading: shares of the peak torque between which such a line is fitted. begins_nm: the output torques
+    below which lines have no points, for those that begin above their share. Raises AnalysisError when a channel is
+    missing, naming it.
     """
     torque_in = trace.channel("torque_in_nm", "the torque ratio")
     torque_out = trace.channel("torque_out_nm", "the torque ratio")
@@ -110,23 +130,24 @@ def quadrant_points(
     for name in QUADRANTS:
         sign = 1 if name.endswith("positive") else -1
         loads = name.startswith("load")
-        within = loading if loads else unloading
-        pairs = [_points(run, torque_in, torque_out, sign, peak, within, loading=loads) for run in runs]
+        low, high = (share * peak for share in (loading if loads else unloading))
+        within = (max(low, (begins_nm or {}).get(name, 0.0)), high)
+        pairs = [_points(run, torque_in, torque_out, sign, within, loading=loads) for run in runs]
         x, y = (np.concatenate(parts) for parts in zip(*pairs, strict=True))
         points[name] = (x, y)
     return points
 
 
-def _points(  # noqa: PLR0917 - a run, and where of it
-    run: Run, torque_in: FloatArray, torque_out: FloatArray, sign: int, peak: float, within: tuple[float, float], *,
+def _points(
+    run: Run, torque_in: FloatArray, torque_out: FloatArray, sign: int, within_nm: tuple[float, float], *,
     loading: bool,
 ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
     """Averaged points of one run in one quadrant."""
     if (run.direction == sign) != loading:
         return np.empty(0), np.empty(0)
     x, y = run.take(torque_in), run.take(torque_out)
-    low, high = within
-    chosen = (sign * y >= low * peak) & (sign * y <= high * peak)
+    low, high = within_nm
+    chosen = (sign * y >= low) & (sign * y <= high)
     x, y = x[chosen], y[chosen]
     if x.size <= FIT_BLOCKS:
         return x, y

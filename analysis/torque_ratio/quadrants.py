@@ -96,6 +96,7 @@ class Quadrants:
     zero_transition_rad (None: as much shorter than L as less friction changes there).
     left: by direction of motion, what lines and transition leave over while calibrating; it is taken off. Lines without
     fits are of another run, with another tare and perhaps another turn: nothing is taken off by them.
+    begins_nm: output torque that a loading line begins at, of those that begin later than others for a bounce.
     """
 
     load_positive: TorqueLine
@@ -107,6 +108,7 @@ class Quadrants:
     zero_transition_rad: float | None = None
     fits: Mapping[str, RatioFit] = field(default_factory=dict)
     left: Mapping[int, Leftovers] = field(default_factory=dict)
+    begins_nm: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Refuse lines that cannot be inverted."""

@@ -156,6 +156,7 @@ class MeasurementConditions:
             sign, loading = (1 if name.endswith("positive") else -1), name.startswith("load")
             low, high = LOADING_RANGE if loading else UNLOADING_RANGE
             line: TorqueLine = getattr(self.quadrants, name)
+            low = max(low, self.quadrants.begins_nm.get(name, 0.0) / self.peak_nm)
             torque = sign * self.peak_nm * np.linspace(low, high, LINE_POINTS)
             torque_in = (torque - line.offset_nm) / line.slope
             direction = sign if loading else -sign

@@ -1,0 +1,53 @@
+"""Where a loading line begins: where the unit has taken up its play, and the bounce out of it is over.
+
+On a ramp by torque nothing holds the shaft within the play: it runs through, and strikes the other flank with its
+inertia. The output torque leaps ahead of the input torque, falls back, and stands: friction, which the leap has turned
+round, holds it there until the ramp has come as far as the leap. There the small loop of the bounce closes, and
+friction is that of loading once the shaft has gone on by about as much as it fell back. What comes before is no
+loading line, however large its share of the peak is: 15 % of a peak of 100 N·m, with a play of two arcminutes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from analysis.trace.runs import Run
+from analysis.trace.units import FloatArray
+
+FELL_BACK, NOISES = 0.01, 10.0
+"""Share of the peak torque, and noise of a sample, by which the output torque of a bounce falls back at least.
+
+Ripple stays below the one, the range of the noise of some thousand samples below the other.
+"""
+
+NOISE_SQUARE = 6.0 * 0.455
+"""Median square of the second difference of normal noise over its variance."""
+
+BY_HALF = 0.5
+"""Share of the peak torque at which a line begins at most. What falls back above is no bounce out of the play, and of
+the line too little would be left."""
+
+
+def bounce_end_nm(loading: Sequence[Run], torque_out: FloatArray, sign: int, peak_nm: float) -> float:
+    """Return the torque [N·m] from which on no branch is in its bounce; 0 where none bounces.
+
+    loading: branches that load the side of this sign. peak_nm: the largest torque of all branches.
+    """
+    return max((_end_nm(sign * run.take(torque_out), peak_nm) for run in loading), default=0.0)
+
+
+def _end_nm(torque: FloatArray, peak_nm: float) -> float:
+    """Top of the bounce that ends last, and as much again as was lost after it: torque rises, from zero on."""
+    top = np.maximum.accumulate(np.maximum(torque, 0.0))
+    fell = top - np.maximum(torque, 0.0)
+    end = (top + fell)[fell > max(FELL_BACK * peak_nm, NOISES * _noise_nm(torque))]
+    return float(end[end <= BY_HALF * peak_nm].max(initial=0.0))
+
+
+def _noise_nm(torque: FloatArray) -> float:
+    """Standard deviation of the noise of a sample; by the median, for the leap of a bounce is no noise."""
+    squares = np.square(np.diff(torque, 2))
+    return math.sqrt(float(np.median(squares)) / NOISE_SQUARE) if squares.size else 0.0

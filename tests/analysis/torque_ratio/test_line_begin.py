@@ -1,0 +1,75 @@
+"""A loading line begins where the bounce out of the play is over, and nowhere else than at its share of the peak."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from check_support import GOOD
+
+from analysis.torque_ratio.line_begin import BY_HALF, FELL_BACK
+from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, fit_quadrants
+from analysis.torque_ratio.quadrants import Quadrants
+from analysis.trace.runs import Run, commanded_runs
+from analysis.trace.trace import Trace
+
+CALIBRATION = [run for run in commanded_runs(GOOD) if run.role == "calibrate"]
+PEAK_NM = max(float(np.abs(run.take(GOOD.torque_out_nm)).max()) for run in CALIBRATION)
+
+
+def fitted(trace: Trace) -> Quadrants:
+    return fit_quadrants(trace, commanded_runs(trace))
+
+
+def bounced(at: float, top: float, bottom: float) -> Trace:
+    """The sound trace, whose output torque leaps from a share of the peak to another, falls back, and waits there."""
+    torque = GOOD.torque_out_nm.copy()
+    for run in CALIBRATION:
+        for piece in run.pieces:
+            torque[piece] = leapt(run, torque[piece], at, top, bottom)
+    return dataclasses.replace(GOOD, torque_out_nm=torque)
+
+
+def leapt(run: Run, torque: np.ndarray, at: float, top: float, bottom: float) -> np.ndarray:
+    share = run.direction * torque / PEAK_NM
+    so_far = np.maximum.accumulate(share)  # noise takes a sample back below a torque that was passed
+    waits = (so_far > at) & (so_far < top)
+    changed = np.where(waits, np.maximum(share, bottom), share)
+    if waits.any():
+        changed[np.flatnonzero(waits)[0]] = top
+    return run.direction * changed * PEAK_NM
+
+
+def test_a_branch_that_does_not_bounce_is_fitted_from_its_share_on() -> None:
+    quadrants = fitted(GOOD)
+    assert quadrants.begins_nm == {}
+    lowest = float(quadrants.fits["load_positive"].outputs_nm.min())
+    assert lowest == pytest.approx(LOADING_RANGE[0] * PEAK_NM, rel=0.1)
+
+
+def test_a_bounce_is_left_out_and_as_much_again_as_it_fell_back() -> None:
+    whole, found = fitted(GOOD), fitted(bounced(0.04, 0.14, 0.08))
+    for name in ("load_positive", "load_negative"):
+        assert found.begins_nm[name] == pytest.approx(0.2 * PEAK_NM, rel=0.01)
+        assert np.abs(found.fits[name].outputs_nm).min() >= found.begins_nm[name]
+        assert found.fits[name].offset_nm == pytest.approx(whole.fits[name].offset_nm, abs=0.5)
+        assert found.fits[name].slope == pytest.approx(whole.fits[name].slope, rel=2e-3)
+    for name in ("unload_positive", "unload_negative"):
+        assert found.fits[name].offset_nm == whole.fits[name].offset_nm
+
+
+@pytest.mark.parametrize(
+    ("at", "top", "bottom"),
+    [(0.1, 0.1 + 0.5 * FELL_BACK, 0.1), (BY_HALF, BY_HALF + 0.1, BY_HALF + 0.05)],
+)
+def test_a_ripple_and_what_falls_back_under_load_move_no_line(at: float, top: float, bottom: float) -> None:
+    assert fitted(bounced(at, top, bottom)).begins_nm == {}
+
+
+def test_noise_is_no_bounce_and_hides_none() -> None:
+    """Of five times the noise of a good sensor 1 % is within reach: a line began at 30 % for it."""
+    noise = np.random.default_rng(1).normal(0.0, 0.002 * PEAK_NM, GOOD.torque_out_nm.size)
+    for trace, begins in ((GOOD, set()), (bounced(0.04, 0.14, 0.08), {"load_positive", "load_negative"})):
+        noisy = dataclasses.replace(trace, torque_out_nm=trace.torque_out_nm + noise)
+        assert set(fitted(noisy).begins_nm) == begins

@@ -54,6 +54,10 @@ class Words:
         parts = match.groupdict()
         return HOLDER.sub(lambda holder: parts[holder[1]], one.becomes)
 
+    def counted(self, number: int, one: str, more: str, **values: object) -> str:
+        """Return the message for one thing or the one for several, in which the number is `{count}`."""
+        return self(one if number == 1 else more, count=number, **values)
+
     def number(self, text: str) -> str:
         """Return the figures of a text as this language writes them: with its decimal sign."""
         sign = DECIMAL_SIGNS.get(self.language, ".")

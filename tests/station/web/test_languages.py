@@ -5,7 +5,10 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
@@ -24,6 +27,7 @@ from definitions.metrics import METRICS
 from definitions.states import row_of
 from recipes import MetricWanted
 from station.documents.manifest import INJECTED, SIMULATED
+from station.records.certificate_code import CodeError, check_code
 from station.records.clocks import CLOCK_TEXTS
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
 from station.reports.content import PASSED
@@ -34,6 +38,7 @@ from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
 from station.web.pages import (
+    certificates,
     frame,
     jog,
     loop_figure,
@@ -57,6 +62,11 @@ from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
 from station.web.station import Station
 
 OTHERS = [one for one in LANGUAGES if one != ENGLISH]
+LOOKING_UP = ("say", "say.counted", "self._words", "self._words.counted")
+READ_BY_THE_BROWSER = {"classes", "props", "style", "on", "run_javascript", "page", "element"}
+SHOWING = {"label", "button", "input", "number", "select", "tab", "link", "set_text", "set_content", "card"}
+ALL_LOOKED_UP = (certificates,)
+"""Modules of pages in which every text is looked up."""
 
 
 def shown() -> list[str]:
@@ -70,8 +80,8 @@ def shown() -> list[str]:
 def said(module: object) -> list[str]:
     """Return the texts that a page gives to its words as they stand in its source."""
     calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
-    named = [one for one in calls if ast.unparse(one.func) in ("say", "self._words")]
-    return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
+    named = [one for one in calls if ast.unparse(one.func) in LOOKING_UP]
+    return [text.value for one in named for text in one.args if isinstance(text, ast.Constant) and text.value]
 
 
 def titles(module: object) -> list[str]:
@@ -79,6 +89,35 @@ def titles(module: object) -> list[str]:
     calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
     named = [one for one in calls if ast.unparse(one.func) in ("self._input", "self._button", "self._card")]
     return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
+
+
+def unsaid(node: ast.AST, *, shown: bool = False) -> Iterator[str]:
+    """Yield the texts below a node that are not given to what looks them up; shown: it is given to what shows it."""
+    if isinstance(node, ast.Constant | ast.JoinedStr):
+        parts = getattr(node, "values", [node])
+        text = "".join(str(part.value) if isinstance(part, ast.Constant) else "0" for part in parts)
+        if _is_read(text, shown=shown) and isinstance(getattr(node, "value", ""), str):
+            yield text
+    called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
+    last = called.rpartition(".")[2]
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return  # a docstring
+    unread = last in READ_BY_THE_BROWSER or (last == "replace" and "." in called)
+    for child in [node.func] if isinstance(node, ast.Call) and unread else ast.iter_child_nodes(node):
+        whole = isinstance(child, ast.Constant) and (called in LOOKING_UP or isinstance(node, ast.JoinedStr))
+        if not whole:
+            first = isinstance(node, ast.Call) and (child in node.args[:1] or getattr(child, "arg", "") == "label")
+            kept = isinstance(node, ast.keyword | ast.IfExp) and shown
+            yield from unsaid(child, shown=kept or (first and last in SHOWING))
+
+
+def _is_read(text: str, *, shown: bool) -> bool:
+    """Say whether a text has words for a person: between marks of HTML any, else more than one or a capital letter."""
+    bare = re.sub(r"<[^>]*>?|^[^<]*>|&\w+;", " ", text)
+    words = re.findall(r"(?<![\w.#-])[A-Za-z]{2,}(?![\w-])", bare)
+    if not words or text.startswith(("/", "(params", "params =>")):
+        return False
+    return shown or bare != text or " " in text.strip() or re.match("[A-Z][a-z]", text) is not None
 
 
 def of_a_jog() -> list[Fault]:
@@ -107,6 +146,8 @@ TEXTS = [
     "released", "pressed", "not known", "Fault", "Wait", "at most 2.5 rpm",
     *(text for row in PHASES for text in (row.words, row.next_action)), NO_JOG,
     *(text for fault in of_a_jog() for text in (fault.text, fault.next_action)),
+    *(text for module in ALL_LOOKED_UP for text in said(module)),
+    *(text for one in certificates.STANDINGS.values() for text in (one.word, one.to_do)),
 ]  # fmt: skip
 
 
@@ -143,6 +184,16 @@ def test_every_text_of_the_pages_has_one_in_each_language(language: str) -> None
     assert [text for text in entered if not there.get(text)] == []
 
 
+@pytest.mark.parametrize("module", ALL_LOOKED_UP, ids=lambda module: module.__name__.removeprefix("station.web."))
+def test_no_text_of_a_page_is_shown_without_being_looked_up(module: ModuleType) -> None:
+    """What stands in a table of the module is looked up where it is shown: it has to have a translation."""
+    body = ast.parse(inspect.getsource(module)).body
+    tables = [one for one in body if isinstance(one, ast.Assign | ast.AnnAssign)]
+    assert [text for one in body if one not in tables for text in unsaid(one)] == []
+    there = set.intersection(*(set(messages(language)) for language in OTHERS))
+    assert [text for one in tables for text in unsaid(one) if text not in there] == []
+
+
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_reason_of_a_refused_start_has_one_in_each_language(
     allowed: Situation, monkeypatch: pytest.MonkeyPatch, language: str
@@ -151,6 +202,14 @@ def test_every_reason_of_a_refused_start_has_one_in_each_language(
     for name, situation in cases(allowed, monkeypatch).items():
         ((_, why),) = refusals(situation)
         assert say(why) != why, f"{name}: {why}"
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_a_code_of_a_certificate_is_has_one_in_each_language(tmp_path: Path, language: str) -> None:
+    with pytest.raises(CodeError) as found:
+        check_code(tmp_path, "SN-1")
+    for text in (str(found.value), check_code(tmp_path, f"LM1.{'0' * 64}.X").text):
+        assert words_of(language)(text) != text
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -26,7 +26,7 @@ from definitions.jog import PHASES
 from definitions.metrics import METRICS
 from definitions.states import row_of
 from recipes import MetricWanted
-from station.documents.manifest import INJECTED, SIMULATED
+from station.documents.manifest import INJECTED, SIMULATED, STATES
 from station.records.certificate_code import CodeError, check_code
 from station.records.clocks import CLOCK_TEXTS
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
@@ -52,6 +52,8 @@ from station.web.pages import (
     words,
 )
 from station.web.pages.operator import enter_page
+from station.web.pages.recipes import diff, dry_run_html, editor, load_curve, revisions
+from station.web.pages.recipes import page as recipes_page
 from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
@@ -65,7 +67,7 @@ OTHERS = [one for one in LANGUAGES if one != ENGLISH]
 LOOKING_UP = ("say", "say.counted", "self._words", "self._words.counted")
 READ_BY_THE_BROWSER = {"classes", "props", "style", "on", "run_javascript", "page", "element"}
 SHOWING = {"label", "button", "input", "number", "select", "tab", "link", "set_text", "set_content", "card"}
-ALL_LOOKED_UP = (certificates,)
+ALL_LOOKED_UP = (certificates, diff, dry_run_html, editor, load_curve, recipes_page, revisions)
 """Modules of pages in which every text is looked up."""
 
 
@@ -148,6 +150,8 @@ TEXTS = [
     *(text for fault in of_a_jog() for text in (fault.text, fault.next_action)),
     *(text for module in ALL_LOOKED_UP for text in said(module)),
     *(text for one in certificates.STANDINGS.values() for text in (one.word, one.to_do)),
+    *(one["headerName"] for one in recipes_page.COLUMNS), *(word for _, word in diff.KINDS.values() if word),
+    *(state.upper() for state in STATES if state not in ("recording", "complete")), *revisions.DID.values(),
 ]  # fmt: skip
 
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
+from typing import get_args
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
@@ -17,6 +18,8 @@ from test_start_permission import cases
 from analysis.evaluation.evaluate import _because, judged_spread
 from analysis.evaluation.metric_result import SideValue
 from analysis.evaluation.verdict import Verdict
+from analysis.line.control_chart import SpreadKind
+from analysis.line.run_rules import RULES
 from analysis.uncertainty import left_open
 from analysis.uncertainty.budget import Budget, BudgetRow
 from analysis.uncertainty.scatter import COVERAGES, coverage_of
@@ -46,12 +49,15 @@ from station.web.pages import (
     operator,
     operator_text,
     people,
+    quality_figures,
     results,
     run,
     run_text,
     words,
 )
 from station.web.pages.operator import enter_page
+from station.web.pages.quality import ability_text, batch, bench, parts, studies, trial, trial_html
+from station.web.pages.quality import page as quality_page
 from station.web.pages.recipes import diff, dry_run_html, editor, load_curve, revisions
 from station.web.pages.recipes import page as recipes_page
 from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
@@ -65,9 +71,12 @@ from station.web.station import Station
 
 OTHERS = [one for one in LANGUAGES if one != ENGLISH]
 LOOKING_UP = ("say", "say.counted", "self._words", "self._words.counted")
-READ_BY_THE_BROWSER = {"classes", "props", "style", "on", "run_javascript", "page", "element"}
+READ_BY_THE_BROWSER = {"classes", "props", "style", "on", "run_javascript", "page", "element", "TypeVar"}
 SHOWING = {"label", "button", "input", "number", "select", "tab", "link", "set_text", "set_content", "card"}
-ALL_LOOKED_UP = (certificates, diff, dry_run_html, editor, load_curve, recipes_page, revisions)
+ALL_LOOKED_UP = (
+    certificates, diff, dry_run_html, editor, load_curve, recipes_page, revisions, quality_figures, ability_text, batch,
+    bench, parts, quality_page, studies, trial, trial_html,
+)  # fmt: skip
 """Modules of pages in which every text is looked up."""
 
 
@@ -152,6 +161,7 @@ TEXTS = [
     *(text for one in certificates.STANDINGS.values() for text in (one.word, one.to_do)),
     *(one["headerName"] for one in recipes_page.COLUMNS), *(word for _, word in diff.KINDS.values() if word),
     *(state.upper() for state in STATES if state not in ("recording", "complete")), *revisions.DID.values(),
+    *quality_page.TREND_BY.values(), *(rule.text for rule in RULES.values()), *get_args(SpreadKind),
 ]  # fmt: skip
 
 
@@ -264,6 +274,11 @@ def test_values_are_taken_over_as_they_are() -> None:
     assert say("what nobody has translated") == "what nobody has translated"
     assert Words(ENGLISH)(filled) == filled
     assert Words("xx").language == ENGLISH
+    assert [say("1 run."), say("26 runs."), say("Look at the runs.")] == [
+        "1 Prüfung.", "26 Prüfungen.", "Look at the runs.",
+    ]  # fmt: skip
+    counted = ("{count} run.", "{count} runs.")
+    assert [say.counted(number, *counted) for number in (1, 2)] == ["1 Prüfung.", "2 Prüfungen."]
 
 
 def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_is_left() -> None:

@@ -351,9 +351,9 @@ class _Editor:
     async def _try_limits(self) -> None:
         """Say beside a dry run what the limits of its text do to the runs that are there."""
         told, text = list[str](), self._text
-        found = await made_beside(self._station, page_text_trial, text.encode(), said=told.append)
+        found = await made_beside(self._station, page_text_trial, text.encode(), say=self._words, said=told.append)
         now = self._station.dry_runs.now()
         if now.stage == TRIED and now.sha256 == hash_of(text.encode()) == hash_of(self._text.encode()):
-            said = f"<p>{escape(' '.join(map(self._words, told)))}</p>"
+            said = f"<p>{escape(' '.join(told))}</p>"
             said = said if found is None else text_trial_html(found, self._words)
             self._tried.set_content(dry_run_html(now, TRIED, self._words) + said)

@@ -34,11 +34,11 @@ COLUMNS: tuple[Column, ...] = (
     {
         "field": "state",
         "headerName": "State",
-        "width": 210,
+        "width": 250,
         "cellClassRules": {"lm-open": "data.open", "lm-waits": "data.waits"},
     },
     {"field": "saved", "headerName": "Saved", "width": 190},
-    {"field": "current", "headerName": "Current", "width": 120},
+    {"field": "current", "headerName": "Current", "width": 100},
     {"field": "authors", "headerName": "Written by", "flex": 1, "minWidth": 180},
     {"field": "released", "headerName": "Released by", "flex": 1, "minWidth": 220},
     {"field": "links", "headerName": "Text", "width": 170, "pinned": "right"},

@@ -37,6 +37,10 @@ INSIDE = LABELS | {"showMinLabel": False, "showMaxLabel": False}
 """Labels of an axis without those of its ends, which are no round figures, and lie over what stands there."""
 
 
+LIMITS: Options = {"silent": True, "symbol": "none", "precision": 12}
+"""Lines of a picture at their values: ECharts would draw them at hundredths of the unit."""
+
+
 def plain_axis(**more: Any) -> Options:
     """Return an axis in the ink of the pages."""
     return {
@@ -141,7 +145,7 @@ def chart_options(found: ChartFigure, say: Words) -> Options:
         series.append({
             "type": "line", "data": points, "xAxisIndex": place, "yAxisIndex": place, "color": LINE, "symbolSize": 5,
             "showAllSymbol": len(means) <= 200, "lineStyle": {"width": 1.5, "color": LINE}, "showSymbol": True,
-            "markLine": {"silent": True, "symbol": "none", "data": lines, "label": {"fontSize": 13, "color": INK}},
+            "markLine": LIMITS | {"data": lines, "label": {"fontSize": 13, "color": INK}},
         })  # fmt: skip
     grids = [
         {"left": 76, "right": 84, "top": 34, "height": "46%"},
@@ -276,8 +280,8 @@ def trend_options(found: TrendFigure) -> Options:
         "series": [
             {"type": "custom", ":renderItem": WHISKER, "data": bars, "silent": True, "z": 1,
              "encode": {"x": 0, "y": [1, 2]}},
-            {"type": "scatter", "data": points, "symbolSize": 11, "color": LINE, "z": 2, "markLine": {
-                "silent": True, "symbol": "none", "data": [_limit(one.mean, "solid")]}},
+            {"type": "scatter", "data": points, "symbolSize": 11, "color": LINE, "z": 2, "markLine": LIMITS | {
+                "data": [_limit(one.mean, "solid")]}},
         ],
     })  # fmt: skip
 
@@ -320,7 +324,7 @@ def part_options(found: PartFigure) -> Options:
             | _ends(series.values, *(value for value, _ in levels)),
         "tooltip": {"trigger": "axis"},
         "series": [{"type": "line", "data": points, "color": LINE, "symbolSize": 7, "showSymbol": True,
-                    "markLine": {"silent": True, "symbol": "none", "data": lines,
+                    "markLine": LIMITS | {"data": lines,
                                  "label": {"fontSize": 13, "color": INK}}}],
     })  # fmt: skip
 

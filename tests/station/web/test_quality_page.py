@@ -62,6 +62,7 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     assert not any(one["axisLabel"]["showMinLabel"] for one in options["yAxis"]), "it lies over what stands below"
     assert options["yAxis"][1]["splitNumber"] < options["yAxis"][0]["splitNumber"], "the lower picture is half as high"
     assert axis["min"] < limits.low < limits.high < axis["max"]
+    assert all(one["markLine"]["precision"] > 5 for one in options["series"]), "drawn at hundredths, they lie elsewhere"
     marked = [point for point in options["series"][0]["data"] if "symbol" in point]
     assert len(marked) == len({one.point for one in chart.chart.signals}) == 2
     assert chart.runs[-1] in signals_html(chart, SAY)

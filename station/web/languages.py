@@ -20,6 +20,8 @@ LANGUAGES = {ENGLISH: "English", "de": "Deutsch", "zh": "中文"}
 COOKIE = "lostmotion_language"
 DECIMAL_SIGNS = {"de": ","}
 HOLDER = re.compile(r"\{(\w+)\}")
+COUNT = "count"
+"""The place holder of a whole number: '{count} runs.' is no sentence that merely ends so."""
 
 
 class _Pattern(NamedTuple):
@@ -54,6 +56,10 @@ class Words:
         parts = match.groupdict()
         return HOLDER.sub(lambda holder: parts[holder[1]], one.becomes)
 
+    def counted(self, number: int, one: str, more: str, **values: object) -> str:
+        """Return the message for one thing or the one for several, in which the number is `{count}`."""
+        return self(one if number == 1 else more, count=number, **values)
+
     def number(self, text: str) -> str:
         """Return the figures of a text as this language writes them: with its decimal sign."""
         sign = DECIMAL_SIGNS.get(self.language, ".")
@@ -77,5 +83,6 @@ def messages(language: str) -> dict[str, str]:
 
 def _matching(text: str) -> re.Pattern[str]:
     parts = HOLDER.split(text)
-    made = (f"(?P<{part}>.+?)" if place % 2 else re.escape(part) for place, part in enumerate(parts))
+    held = {COUNT: r"\d+"}
+    made = (f"(?P<{one}>{held.get(one, '.+?')})" if place % 2 else re.escape(one) for place, one in enumerate(parts))
     return re.compile("".join(made), re.DOTALL)

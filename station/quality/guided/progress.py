@@ -65,27 +65,31 @@ class Standing:
         """The step that comes next; None when everything is measured."""
         return (self.open[0], self.plan.order[self.open[0] - 1]) if self.open else None
 
-    def missing(self) -> list[str]:
-        """Return in words what is missing: of which unit and operator which trials."""
+    def missing_trials(self) -> dict[tuple[str, str], list[int]]:
+        """Return what is missing: the trials by unit and operator, '' where none is named."""
         found: dict[tuple[str, str], list[int]] = {}
         for cell in (self.plan.order[step - 1] for step in self.open):
             found.setdefault((cell.part, cell.operator), []).append(cell.trial)
+        return found
+
+    def missing(self) -> list[str]:
+        """Return in words what is missing: of which unit and operator which trials."""
         rows = []
-        for (part, operator), trials in found.items():
+        for (part, operator), trials in self.missing_trials().items():
             by = f" by {operator}" if operator else ""
-            rows.append(f"unit {part}{by}: trial{'s' if len(trials) > 1 else ''} {_ranges(sorted(trials))}")
+            rows.append(f"unit {part}{by}: trial{'s' if len(trials) > 1 else ''} {ranges(trials)}")
         return rows
 
 
-def _ranges(numbers: list[int]) -> str:
-    """Return numbers in words: `1, 3 to 5`."""
+def ranges(numbers: list[int], between: str = " to ") -> str:
+    """Return numbers as text: `1, 3 to 5`; between: what stands between the ends of a range."""
     groups: list[list[int]] = []
-    for one in numbers:
+    for one in sorted(numbers):
         if groups and one == groups[-1][-1] + 1:
             groups[-1].append(one)
         else:
             groups.append([one])
-    return ", ".join(f"{one[0]}" if len(one) == 1 else f"{one[0]} to {one[-1]}" for one in groups)
+    return ", ".join(f"{one[0]}" if len(one) == 1 else f"{one[0]}{between}{one[-1]}" for one in groups)
 
 
 def look(data: Path, name: str, *, samples: bool = False) -> Standing:

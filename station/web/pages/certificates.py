@@ -13,16 +13,8 @@ from nicegui import ui
 from station.errors import StationError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, attempts_of, check_code
 from station.web.languages import Words
-from station.web.pages.frame import (
-    IN_ENGLISH,
-    LONGEST_BUILD_S,
-    SESSION_EVERY_S,
-    bar,
-    session_of_page,
-    still_open,
-    words_for,
-)
-from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, local
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open, words_for
+from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, attempts_said, local
 from station.web.people.accounts import Session
 from station.web.station import Station
 
@@ -58,13 +50,14 @@ class _Certificates:
 
     def build(self) -> None:
         """Lay the page out."""
-        bar(self._station, self._session, "certificates", self._words)
-        with ui.element("main").classes("lm-page lm-certificates").props(IN_ENGLISH):
-            ui.label(WHAT_FOR).classes("lm-words lm-what-for")
+        say = self._words
+        bar(self._station, self._session, "certificates", say)
+        with ui.element("main").classes("lm-page lm-certificates"):
+            ui.label(say(WHAT_FOR)).classes("lm-words lm-what-for")
             with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
-                self._code = ui.input("Code of the certificate: scan the square, or type it").classes("lm-code")
+                self._code = ui.input(say("Code of the certificate: scan the square, or type it")).classes("lm-code")
                 self._code.props("outlined dense clearable autofocus").on("keydown.enter", self._check)
-                ui.button("Check", on_click=self._check, color=None).props("no-caps").classes("lm-button")
+                ui.button(say("Check"), on_click=self._check, color=None).props("no-caps").classes("lm-button")
             self._found = ui.html(sanitize=False).classes("lm-stack").props('role="status" aria-live="polite"')
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
 
@@ -75,30 +68,31 @@ class _Certificates:
         try:
             found = await asyncio.to_thread(check_code, self._station.data, code)
         except StationError as error:
-            self._found.set_content(f'<div class="lm-refused" role="alert">{escape(str(error))}</div>')
+            self._found.set_content(f'<div class="lm-refused" role="alert">{escape(self._words(str(error)))}</div>')
             return
-        self._found.set_content(_html(found))
+        self._found.set_content(_html(found, self._words))
 
 
-def _html(found: CheckedCode) -> str:
+def _html(found: CheckedCode, say: Words) -> str:
     shown, manifest = STANDINGS[found.standing], found.manifest
     facts = [
-        ("serial number", found.serial),
-        ("attempt", attempts_of(found).removeprefix("attempt ")),
-        ("verdict", found.verdict or ""),
+        (say("serial number"), found.serial),
+        (say("attempt"), attempts_said(attempts_of(found).removeprefix("attempt "), say)),
+        (say("verdict"), say(found.verdict or "")),
     ]
     if manifest is not None:
+        recipe = manifest.recipe
         facts += [
-            ("model", manifest.unit.model),
-            ("recipe", f"{manifest.recipe.name} revision {manifest.recipe.revision}"),
-            ("tested", local(manifest.started)),
+            (say("model"), manifest.unit.model),
+            (say("recipe"), say("{name} revision {revision}", name=recipe.name, revision=recipe.revision)),
+            (say("tested"), local(manifest.started)),
         ]
     name = escape(found.run)
     run = name if manifest is None else f'<a href="/runs/{quote(found.run, safe="")}">{name}</a>'
-    rows = "".join(f"<dt>{title}</dt><dd>{escape(text)}</dd>" for title, text in facts if text)
+    rows = "".join(f"<dt>{escape(title)}</dt><dd>{escape(text)}</dd>" for title, text in facts if text)
     return (
-        f'<div class="lm-tile lm-wide {shown.style}">{shown.shape}<div><div class="lm-word">{shown.word}</div>'
-        f'<div class="lm-do">{shown.to_do}</div></div></div>'
-        f'<section class="lm-card"><p>{escape(found.text)}</p>'
-        f'<dl class="lm-facts">{rows}<dt>run</dt><dd>{run}</dd></dl></section>'
+        f'<div class="lm-tile lm-wide {shown.style}">{shown.shape}<div><div class="lm-word">{say(shown.word)}</div>'
+        f'<div class="lm-do">{say(shown.to_do)}</div></div></div>'
+        f'<section class="lm-card"><p>{escape(say(found.text))}</p>'
+        f'<dl class="lm-facts">{rows}<dt>{say("run")}</dt><dd>{run}</dd></dl></section>'
     )

@@ -10,7 +10,7 @@ from analysis.line.proportions import Cause, Proportion
 from analysis.line.run_rules import RULES
 from definitions.checks import CHECKS
 from definitions.metrics import METRICS
-from station.counted import counted
+from station.documents.manifest import MASTER
 from station.documents.result import Limits
 from station.quality.bench_ability import Due, PartFigure
 from station.quality.figures import (
@@ -22,6 +22,8 @@ from station.quality.figures import (
     tested_by_others,
 )
 from station.reports.result_text import limits_text, minus, unit_text
+from station.store.quality.values import Characteristic
+from station.web.languages import Words
 
 INK, QUIET, GRID_INK, BAD, LINE = "#23282b", "#5b646a", "#c2c7ca", "#b3201f", "#2f4a5e"
 CAPABLE = 1.33
@@ -35,6 +37,10 @@ INSIDE = LABELS | {"showMinLabel": False, "showMaxLabel": False}
 """Labels of an axis without those of its ends, which are no round figures, and lie over what stands there."""
 
 
+LIMITS: Options = {"silent": True, "symbol": "none", "precision": 12}
+"""Lines of a picture at their values: ECharts would draw them at hundredths of the unit."""
+
+
 def plain_axis(**more: Any) -> Options:
     """Return an axis in the ink of the pages."""
     return {
@@ -43,12 +49,17 @@ def plain_axis(**more: Any) -> Options:
     } | more  # fmt: skip
 
 
-def title_of(metric: str, choices: str = "", side: str = "") -> str:
-    """Return how people call a metric, short, with its choices and its side."""
+def title_of(metric: str, choices: str = "") -> str:
+    """Return how people call a metric, short, with its choices."""
     row = METRICS.get(metric)
     name = metric if row is None else row.title.partition(" (")[0]
-    words = " ".join(part for part in (name, choices) if part)
-    return f"{words}, side {minus(side)}" if side in ("+", "-") else words
+    return " ".join(part for part in (name, choices) if part)
+
+
+def side_title(what: Characteristic, side: str, say: Words) -> str:
+    """Return how people call a metric on one of its sides."""
+    title = title_of(what.metric, what.choices)
+    return f"{title}, {say('side {side}', side=minus(side))}" if side in ("+", "-") else title
 
 
 def cause_title(name: str) -> str:
@@ -62,18 +73,20 @@ def percent(share: float | None) -> str:
     return "–" if share is None else f"{100 * share:.1f} %"
 
 
-def share_html(head: str, one: Proportion, words: str) -> str:
-    """Return a share as a large figure with its interval."""
-    interval = f"95 %: {100 * one.low:.1f} to {100 * one.high:.1f} %"
+def share_html(head: str, one: Proportion, say: Words) -> str:
+    """Return a share of units as a large figure with its interval."""
+    interval = say("95 %: {low} to {high} %", low=f"{100 * one.low:.1f}", high=f"{100 * one.high:.1f}")
+    units = say("{number} of {count} units", number=one.number, count=one.of)
     return (
         f'<div class="lm-figure"><span>{escape(head)}</span><b>{percent(one.share)}</b>'
-        f"<span>{one.number} of {one.of} {escape(words)}<br>{interval}</span></div>"
+        f"<span>{escape(units)}<br>{escape(interval)}</span></div>"
     )
 
 
-def yield_options(found: YieldFigure) -> Options:
+def yield_options(found: YieldFigure, say: Words) -> Options:
     """Return first-pass yield over time, with its interval, and the final yield."""
     names = [row.group for row in found.groups]
+    of_first, of_final, interval = say("first pass"), say("final"), say("95 % interval")
     low = [round(100 * row.first_pass.low, 3) for row in found.groups]
     width = [round(100 * (row.first_pass.high - row.first_pass.low), 3) for row in found.groups]
     first, final = (
@@ -82,39 +95,40 @@ def yield_options(found: YieldFigure) -> Options:
     )
     band = {"type": "line", "stack": "band", "symbol": "none", "silent": True, "lineStyle": {"opacity": 0}}
     series = [
-        band | {"name": "low", "data": low},
-        band | {"name": "95 % interval", "data": width, "color": LINE, "areaStyle": {"opacity": 0.18}},
-        {"type": "line", "name": "first pass", "data": first, "symbolSize": 8, "color": LINE,
+        band | {"name": say("low"), "data": low},
+        band | {"name": interval, "data": width, "color": LINE, "areaStyle": {"opacity": 0.18}},
+        {"type": "line", "name": of_first, "data": first, "symbolSize": 8, "color": LINE,
          "lineStyle": {"width": 3, "color": LINE}},
-        {"type": "line", "name": "final", "data": final, "symbol": "none", "color": QUIET,
+        {"type": "line", "name": of_final, "data": final, "symbol": "none", "color": QUIET,
          "lineStyle": {"width": 2, "type": "dashed", "color": QUIET}},
     ]  # fmt: skip
     bottom = min([100.0, *low])
     return _framed({
         "xAxis": plain_axis(type="category", data=names),
         "yAxis": plain_axis(type="value", name="%", min=max(0.0, 5.0 * (bottom // 5.0)), max=100),
-        "legend": {"data": ["first pass", "95 % interval", "final"], "top": 0},
+        "legend": {"data": [of_first, interval, of_final], "top": 0},
         "tooltip": {"trigger": "axis"}, "series": series,
     })  # fmt: skip
 
 
-def causes_html(head: str, causes: Sequence[Cause]) -> str:
+def causes_html(head: str, causes: Sequence[Cause], say: Words) -> str:
     """Return the commonest causes with numbers and cumulative share; a bar behind each is as long as its share."""
-    rows = [(cause_title(one.name), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
+    rows = [(say(cause_title(one.name)), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
     rest = causes[MOST_BARS:]
     if rest:
-        rows.append((counted(len(rest), "other"), sum(one.number for one in rest), sum(one.share for one in rest), ""))
+        others = say.counted(len(rest), "{count} other", "{count} others")
+        rows.append((others, sum(one.number for one in rest), sum(one.share for one in rest), ""))
     body = "".join(
         f'<tr style="background: linear-gradient(to right, #b9c4cc {100 * share:.1f}%, transparent 0)">'
         f'<td>{escape(name)}</td><td class="n">{number}</td><td class="n">{cumulative}</td></tr>'
         for name, number, share, cumulative in rows
     )
-    none = "" if rows else '<tr><td colspan="3">none</td></tr>'
-    heads = f'<tr><th>{escape(head)}</th><th class="n">runs</th><th class="n">sum</th></tr>'
+    none = "" if rows else f'<tr><td colspan="3">{say("none")}</td></tr>'
+    heads = f'<tr><th>{escape(head)}</th><th class="n">{say("runs")}</th><th class="n">{say("sum")}</th></tr>'
     return f'<table class="lm">{heads}{body}{none}</table>'
 
 
-def chart_options(found: ChartFigure) -> Options:
+def chart_options(found: ChartFigure, say: Words) -> Options:
     """Return the control chart: means above, spreads below; what is signalled is marked by shape and colour."""
     chart, unit = found.chart, unit_text(found.metric.unit)
     marked = {one.point for one in chart.signals}
@@ -124,14 +138,14 @@ def chart_options(found: ChartFigure) -> Options:
     spreads = [None] * shift + [_point(value, number + 1 + shift in spread_marks)
                                 for number, value in enumerate(chart.spreads)]  # fmt: skip
     names = [moment[:16].replace("T", " ") for moment in found.started]
-    what = "single values" if chart.subgroup == 1 else f"mean of {chart.subgroup}"
+    what = say("single values") if chart.subgroup == 1 else say("mean of {count}", count=chart.subgroup)
     series = []
     for place, (points, limits) in enumerate(((means, chart.mean_limits), (spreads, chart.spread_limits))):
         lines = [_limit(limits.centre, "solid"), _limit(limits.low, "dashed"), _limit(limits.high, "dashed")]
         series.append({
             "type": "line", "data": points, "xAxisIndex": place, "yAxisIndex": place, "color": LINE, "symbolSize": 5,
             "showAllSymbol": len(means) <= 200, "lineStyle": {"width": 1.5, "color": LINE}, "showSymbol": True,
-            "markLine": {"silent": True, "symbol": "none", "data": lines, "label": {"fontSize": 13, "color": INK}},
+            "markLine": LIMITS | {"data": lines, "label": {"fontSize": 13, "color": INK}},
         })  # fmt: skip
     grids = [
         {"left": 76, "right": 84, "top": 34, "height": "46%"},
@@ -141,7 +155,7 @@ def chart_options(found: ChartFigure) -> Options:
         plain_axis(type="value", name=f"{name}, {unit}", gridIndex=place, splitNumber=(5, 3)[place], axisLabel=INSIDE)
         | _ends(points, limits.low, limits.high)
         for place, (name, points, limits) in enumerate(
-            ((what, chart.means, chart.mean_limits), (chart.kind, chart.spreads, chart.spread_limits))
+            ((what, chart.means, chart.mean_limits), (say(chart.kind), chart.spreads, chart.spread_limits))
         )
     ]
     return {
@@ -169,25 +183,37 @@ def _limit(value: float, kind: str) -> Options:
     return {"yAxis": value, "label": {"formatter": text}, "lineStyle": {"type": kind, "color": QUIET, "width": 1.5}}
 
 
-def chart_words(found: ChartFigure, units_per_hour: float = 60.0) -> str:
+OUT_OF_CONTROL = ("{count} signal: out of control.", "{count} signals: out of control.")
+"""What is said of one signal and of several."""
+
+RUN_LENGTH = (
+    "On average means and spread together raise a false alarm every {points} points (every {hours} h at {rate} units "
+    "an hour). They find a shift of the mean by 1 σ after {shifted} points."
+)
+
+
+def chart_words(found: ChartFigure, say: Words, units_per_hour: float = 60.0) -> str:
     """Return what the chart says, and what its rules cost."""
     chart, ends = found.chart, found.run_length
     error = f" ± {ends.standard_error:.1g}" if ends.standard_error else ""
     signals = len(chart.signals) + len(chart.spread_signals)
-    said = "In control." if chart.in_control else f"{counted(signals, 'signal')}: out of control."
-    hours = 1.0 / found.false_alarms_per_hour(units_per_hour)
-    return (
-        f"{said} On average means and spread together raise a false alarm every {ends.points:.4g}{error} points "
-        f"(every {hours:.3g} h at {units_per_hour:g} units an hour). They find a shift of the mean by 1 σ after "
-        f"{found.shifted.points:.3g} points."
+    said = say("In control.") if chart.in_control else say.counted(signals, *OUT_OF_CONTROL)
+    told = say(
+        RUN_LENGTH,
+        points=f"{ends.points:.4g}{error}",
+        hours=f"{1.0 / found.false_alarms_per_hour(units_per_hour):.3g}",
+        rate=f"{units_per_hour:g}",
+        shifted=f"{found.shifted.points:.3g}",
     )
+    return f"{said} {told}"
 
 
-def signals_html(found: ChartFigure, most: int = 6) -> str:
+def signals_html(found: ChartFigure, say: Words, most: int = 6) -> str:
     """Return the newest signals, with a link to the run that completed each."""
     chart = found.chart
-    told = [(one.point, RULES[one.rule].text) for one in chart.signals]
-    told += [(place, f"{chart.kind} beyond its limits") for place in chart.spread_signals]
+    told = [(one.point, say(RULES[one.rule].text)) for one in chart.signals]
+    beyond = say("{spread} beyond its limits", spread=say(chart.kind))
+    told += [(place, beyond) for place in chart.spread_signals]
     rows = [
         f'<li>{escape(text)}: <a href="/runs/{escape(found.runs[place - 1])}">{escape(found.runs[place - 1])}</a></li>'
         for place, text in sorted(told, reverse=True)[:most]
@@ -195,30 +221,37 @@ def signals_html(found: ChartFigure, most: int = 6) -> str:
     return f"<ul>{''.join(rows)}</ul>" if rows else ""
 
 
-def capability_html(found: CapabilityFigure) -> str:
+def capability_html(found: CapabilityFigure, say: Words) -> str:
     """Return the capability of every metric as a table, the worst first."""
-    heads = "".join(f"<th class='{kind}'>{head}</th>" for head, kind in (
-        ("Metric, side that judges", ""), ("Limit", "n"), ("n", "n"), ("Mean", "n"), ("Cp", "n"), ("Cpk (95 %)", "n"),
-        ("Pp", "n"), ("Ppk (95 %)", "n")))  # fmt: skip
+    heads = "".join(f"<th class='{kind}'>{escape(say(head))}</th>" for head, kind in HEADS)
     ranked = sorted(found.rows, key=lambda row: -1.0 if row.found is None else row.found.overall.nearest)
-    table = f'<table class="lm"><tr>{heads}</tr>{"".join(_capability_row(row) for row in ranked)}</table>'
-    said = "".join(f'<li class="lm-other-limits">{escape(one)}</li>' for row in found.rows for one in _others(row))
-    return f'{table}<p class="lm-words">{JUDGED_BY}</p>{f"<ul>{said}</ul>" if said else ""}'
+    table = f'<table class="lm"><tr>{heads}</tr>{"".join(_capability_row(row, say) for row in ranked)}</table>'
+    said = "".join(f'<li class="lm-other-limits">{escape(one)}</li>' for row in found.rows for one in _others(row, say))
+    return f'{table}<p class="lm-words">{escape(say(JUDGED_BY))}</p>{f"<ul>{said}</ul>" if said else ""}'
 
+
+HEADS = (
+    ("Metric, side that judges", ""), ("Limit", "n"), ("n", "n"), ("Mean", "n"), ("Cp", "n"), ("Cpk (95 %)", "n"),
+    ("Pp", "n"), ("Ppk (95 %)", "n"),
+)  # fmt: skip
+"""Heads of the table of capability, each with its style."""
+
+STANDINGS = {"FAIL": "■ not capable", "OPEN": "▲ below 1.33"}
+"""What is said of a capability that is too small, by the style of its row."""
 
 JUDGED_BY = "All values are judged by the limits of the newest run, whichever limits they were tested by."
 
 
-def _others(row: CapabilityRow) -> list[str]:
-    return tested_by_others(row, title_of(row.metric.metric, row.metric.choices, row.side))
+def _others(row: CapabilityRow, say: Words) -> list[str]:
+    return [say(one) for one in tested_by_others(row, side_title(row.metric, row.side, say))]
 
 
-def _capability_row(row: CapabilityRow) -> str:
+def _capability_row(row: CapabilityRow, say: Words) -> str:
     what, one = row.metric, row.found
     limit = f"{limits_text(Limits(min=what.limit_min, max=what.limit_max))} {unit_text(what.unit)}"
-    name = title_of(what.metric, what.choices, row.side)
+    name = side_title(what, row.side, say)
     if one is None:
-        return f'<tr class="OPEN"><td>{escape(name)}</td><td class="n">{escape(limit)}</td><td colspan="6">{escape(row.why)}</td></tr>'  # noqa: E501
+        return f'<tr class="OPEN"><td>{escape(name)}</td><td class="n">{escape(limit)}</td><td colspan="6">{escape(say(row.why))}</td></tr>'  # noqa: E501
     style = "FAIL" if one.overall.nearest < 1.0 else "OPEN" if one.overall.nearest < CAPABLE else ""
     cells = [
         limit, str(one.values), f"{one.mean:.4g}", _index(one.within.both),
@@ -226,7 +259,7 @@ def _capability_row(row: CapabilityRow) -> str:
         f"{_index(one.overall.nearest)} ({one.ppk_low:.2f} … {one.ppk_high:.2f})",
     ]  # fmt: skip
     body = "".join(f'<td class="n">{escape(minus(cell))}</td>' for cell in cells)
-    word = {"FAIL": " ■ not capable", "OPEN": " ▲ below 1.33"}.get(style, "")
+    word = f" {escape(say(STANDINGS[style]))}" if style else ""
     return f'<tr class="{style}"><td>{escape(name)}<b>{word}</b></td>{body}</tr>'
 
 
@@ -247,8 +280,8 @@ def trend_options(found: TrendFigure) -> Options:
         "series": [
             {"type": "custom", ":renderItem": WHISKER, "data": bars, "silent": True, "z": 1,
              "encode": {"x": 0, "y": [1, 2]}},
-            {"type": "scatter", "data": points, "symbolSize": 11, "color": LINE, "z": 2, "markLine": {
-                "silent": True, "symbol": "none", "data": [_limit(one.mean, "solid")]}},
+            {"type": "scatter", "data": points, "symbolSize": 11, "color": LINE, "z": 2, "markLine": LIMITS | {
+                "data": [_limit(one.mean, "solid")]}},
         ],
     })  # fmt: skip
 
@@ -263,13 +296,17 @@ WHISKER = """(params, api) => {
 """How the browser draws an interval; ECharts has no error bars of its own."""
 
 
-def trend_words(found: TrendFigure) -> str:
+def trend_words(found: TrendFigure, say: Words) -> str:
     """Return what the groups say."""
     one = found.compared
     apart = [group.name for group in one.groups if not group.low <= one.mean <= group.high]
-    said = f"Apart from the others: {', '.join(apart)}." if apart else "No group is apart from the others."
-    between = f"{percent(one.share_between)} of the variance lies between them"
-    return f"{said} {between} (by chance alone: probability {one.p_same:.2g})."
+    said = say("No group is apart from the others.")
+    said = say("Apart from the others: {groups}.", groups=", ".join(apart)) if apart else said
+    between = say(BETWEEN, share=percent(one.share_between), probability=f"{one.p_same:.2g}")
+    return f"{said} {between}"
+
+
+BETWEEN = "{share} of the variance lies between them (by chance alone: probability {probability})."
 
 
 def part_options(found: PartFigure) -> Options:
@@ -287,19 +324,28 @@ def part_options(found: PartFigure) -> Options:
             | _ends(series.values, *(value for value, _ in levels)),
         "tooltip": {"trigger": "axis"},
         "series": [{"type": "line", "data": points, "color": LINE, "symbolSize": 7, "showSymbol": True,
-                    "markLine": {"silent": True, "symbol": "none", "data": lines,
+                    "markLine": LIMITS | {"data": lines,
                                  "label": {"fontSize": 13, "color": INK}}}],
     })  # fmt: skip
 
 
-def due_html(rows: Sequence[Due]) -> str:
+def _due_said(one: Due, say: Words) -> str:
+    """Return how something stands, with the master part that it is said of."""
+    if not one.text.startswith(MASTER):
+        return say(one.text)
+    serial, _, how = one.text.removeprefix(MASTER).partition(" ")
+    return f"{say('master part {serial}', serial=serial)} {say(how)}"
+
+
+def due_html(rows: Sequence[Due], say: Words) -> str:
     """Return what is due on the benches, what is overdue first."""
     body = "".join(
-        f'<tr class="{"FAIL" if not one.in_order else ""}"><td>{escape(one.bench)}</td><td>{escape(one.what)}</td>'
-        f"<td>{'' if one.in_order else '<b>■ </b>'}{escape(one.text)}</td></tr>"
+        f'<tr class="{"FAIL" if not one.in_order else ""}"><td>{escape(one.bench)}</td><td>{escape(say(one.what))}</td>'
+        f"<td>{'' if one.in_order else '<b>■ </b>'}{escape(_due_said(one, say))}</td></tr>"
         for one in sorted(rows, key=lambda one: one.in_order)
     )
-    return f'<table class="lm"><tr><th>Bench</th><th>What</th><th>State</th></tr>{body}</table>'
+    heads = "".join(f"<th>{escape(head)}</th>" for head in (say("Bench"), say("What"), say("State")))
+    return f'<table class="lm"><tr>{heads}</tr>{body}</table>'
 
 
 def _framed(more: Options) -> Options:

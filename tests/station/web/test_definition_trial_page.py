@@ -11,6 +11,7 @@ import pytest
 from station.quality.limits_trial import Tried
 from station.store.quality.lot import Lot
 from station.web.definition_trials import TrialState
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.quality import trial
 from station.web.pages.quality.trial_html import definition_title, progress_words
 from station.web.people.accounts import Person
@@ -27,7 +28,8 @@ from station.web.people.accounts import Person
     ],
 )
 def test_how_far_a_trial_is_stands_in_words(state: dict[str, Any], said: str) -> None:
-    assert progress_words(TrialState(Lot(), Tried("a", definition="b"), **state)) == said
+    now = TrialState(Lot(), Tried("a", definition="b"), **state)
+    assert progress_words(now, words_of(ENGLISH)) == said
 
 
 def test_a_metric_stands_with_its_title_and_choices_for_themselves() -> None:
@@ -43,6 +45,6 @@ def test_who_has_left_neither_begins_nor_stops_a_trial(monkeypatch: pytest.Monke
 
     monkeypatch.setattr(trial, "still_open", closed)
     station = SimpleNamespace(trials=SimpleNamespace(start=pytest.fail, stop=pytest.fail))
-    card = trial.TrialCard(station, SimpleNamespace(person=Person("Ada", "engineer")), Lot)
+    card = trial.TrialCard(station, SimpleNamespace(person=Person("Ada", "engineer")), Lot, words_of(ENGLISH))
     asyncio.run(card._try())
     asyncio.run(card._stop())

@@ -45,7 +45,7 @@ def test_two_people_measure_a_gage_study_and_its_page_leads_them(station: Served
     page.wait_for_selector("text=No study was begun.")
     page.get_by_label("Kind").click()
     page.get_by_role("option", name="Gage: several units, each by several operators").click()
-    page.get_by_label("Name", exact=True).fill("grr-1")
+    page.get_by_label("Name of the study").fill("grr-1")
     page.get_by_label("Serial numbers").fill("SN-1")
     page.get_by_label("Operators by").fill("the operator, the technician")
     page.get_by_label("Metrics by id").fill("torque_ratio_slope")

@@ -5,7 +5,11 @@ from __future__ import annotations
 import ast
 import inspect
 import re
+from collections.abc import Iterator
 from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import get_args
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
@@ -14,6 +18,8 @@ from test_start_permission import cases
 from analysis.evaluation.evaluate import _because, judged_spread
 from analysis.evaluation.metric_result import SideValue
 from analysis.evaluation.verdict import Verdict
+from analysis.line.control_chart import SpreadKind
+from analysis.line.run_rules import RULES
 from analysis.uncertainty import left_open
 from analysis.uncertainty.budget import Budget, BudgetRow
 from analysis.uncertainty.scatter import COVERAGES, coverage_of
@@ -23,7 +29,8 @@ from definitions.jog import PHASES
 from definitions.metrics import METRICS
 from definitions.states import row_of
 from recipes import MetricWanted
-from station.documents.manifest import INJECTED, SIMULATED
+from station.documents.manifest import INJECTED, SIMULATED, STATES
+from station.records.certificate_code import CodeError, check_code
 from station.records.clocks import CLOCK_TEXTS
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
 from station.reports.content import PASSED
@@ -34,6 +41,7 @@ from station.web.labels.printer import TROUBLES
 from station.web.languages import ENGLISH, HOLDER, LANGUAGES, Words, messages, words_of
 from station.web.models import load_models
 from station.web.pages import (
+    certificates,
     frame,
     jog,
     loop_figure,
@@ -41,12 +49,17 @@ from station.web.pages import (
     operator,
     operator_text,
     people,
+    quality_figures,
     results,
     run,
     run_text,
     words,
 )
 from station.web.pages.operator import enter_page
+from station.web.pages.quality import ability_text, batch, bench, parts, studies, trial, trial_html
+from station.web.pages.quality import page as quality_page
+from station.web.pages.recipes import diff, dry_run_html, editor, load_curve, revisions
+from station.web.pages.recipes import page as recipes_page
 from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
@@ -57,6 +70,14 @@ from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
 from station.web.station import Station
 
 OTHERS = [one for one in LANGUAGES if one != ENGLISH]
+LOOKING_UP = ("say", "say.counted", "self._words", "self._words.counted")
+READ_BY_THE_BROWSER = {"classes", "props", "style", "on", "run_javascript", "page", "element", "TypeVar"}
+SHOWING = {"label", "button", "input", "number", "select", "tab", "link", "set_text", "set_content", "card"}
+ALL_LOOKED_UP = (
+    certificates, diff, dry_run_html, editor, load_curve, recipes_page, revisions, quality_figures, ability_text, batch,
+    bench, parts, quality_page, studies, trial, trial_html,
+)  # fmt: skip
+"""Modules of pages in which every text is looked up."""
 
 
 def shown() -> list[str]:
@@ -70,8 +91,8 @@ def shown() -> list[str]:
 def said(module: object) -> list[str]:
     """Return the texts that a page gives to its words as they stand in its source."""
     calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
-    named = [one for one in calls if ast.unparse(one.func) in ("say", "self._words")]
-    return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
+    named = [one for one in calls if ast.unparse(one.func) in LOOKING_UP]
+    return [text.value for one in named for text in one.args if isinstance(text, ast.Constant) and text.value]
 
 
 def titles(module: object) -> list[str]:
@@ -79,6 +100,35 @@ def titles(module: object) -> list[str]:
     calls = [node for node in ast.walk(ast.parse(inspect.getsource(module))) if isinstance(node, ast.Call)]
     named = [one for one in calls if ast.unparse(one.func) in ("self._input", "self._button", "self._card")]
     return [one.args[0].value for one in named if isinstance(one.args[0], ast.Constant)]
+
+
+def unsaid(node: ast.AST, *, shown: bool = False) -> Iterator[str]:
+    """Yield the texts below a node that are not given to what looks them up; shown: it is given to what shows it."""
+    if isinstance(node, ast.Constant | ast.JoinedStr):
+        parts = getattr(node, "values", [node])
+        text = "".join(str(part.value) if isinstance(part, ast.Constant) else "0" for part in parts)
+        if _is_read(text, shown=shown) and isinstance(getattr(node, "value", ""), str):
+            yield text
+    called = ast.unparse(node.func) if isinstance(node, ast.Call) else ""
+    last = called.rpartition(".")[2]
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return  # a docstring
+    unread = last in READ_BY_THE_BROWSER or (last == "replace" and "." in called)
+    for child in [node.func] if isinstance(node, ast.Call) and unread else ast.iter_child_nodes(node):
+        whole = isinstance(child, ast.Constant) and (called in LOOKING_UP or isinstance(node, ast.JoinedStr))
+        if not whole:
+            first = isinstance(node, ast.Call) and (child in node.args[:1] or getattr(child, "arg", "") == "label")
+            kept = isinstance(node, ast.keyword | ast.IfExp) and shown
+            yield from unsaid(child, shown=kept or (first and last in SHOWING))
+
+
+def _is_read(text: str, *, shown: bool) -> bool:
+    """Say whether a text has words for a person: between marks of HTML any, else more than one or a capital letter."""
+    bare = re.sub(r"<[^>]*>?|^[^<]*>|&\w+;", " ", text)
+    words = re.findall(r"(?<![\w.#-])[A-Za-z]{2,}(?![\w-])", bare)
+    if not words or text.startswith(("/", "(params", "params =>")):
+        return False
+    return shown or bare != text or " " in text.strip() or re.match("[A-Z][a-z]", text) is not None
 
 
 def of_a_jog() -> list[Fault]:
@@ -107,6 +157,11 @@ TEXTS = [
     "released", "pressed", "not known", "Fault", "Wait", "at most 2.5 rpm",
     *(text for row in PHASES for text in (row.words, row.next_action)), NO_JOG,
     *(text for fault in of_a_jog() for text in (fault.text, fault.next_action)),
+    *(text for module in ALL_LOOKED_UP for text in said(module)),
+    *(text for one in certificates.STANDINGS.values() for text in (one.word, one.to_do)),
+    *(one["headerName"] for one in recipes_page.COLUMNS), *(word for _, word in diff.KINDS.values() if word),
+    *(state.upper() for state in STATES if state not in ("recording", "complete")), *revisions.DID.values(),
+    *quality_page.TREND_BY.values(), *(rule.text for rule in RULES.values()), *get_args(SpreadKind),
 ]  # fmt: skip
 
 
@@ -143,6 +198,16 @@ def test_every_text_of_the_pages_has_one_in_each_language(language: str) -> None
     assert [text for text in entered if not there.get(text)] == []
 
 
+@pytest.mark.parametrize("module", ALL_LOOKED_UP, ids=lambda module: module.__name__.removeprefix("station.web."))
+def test_no_text_of_a_page_is_shown_without_being_looked_up(module: ModuleType) -> None:
+    """What stands in a table of the module is looked up where it is shown: it has to have a translation."""
+    body = ast.parse(inspect.getsource(module)).body
+    tables = [one for one in body if isinstance(one, ast.Assign | ast.AnnAssign)]
+    assert [text for one in body if one not in tables for text in unsaid(one)] == []
+    there = set.intersection(*(set(messages(language)) for language in OTHERS))
+    assert [text for one in tables for text in unsaid(one) if text not in there] == []
+
+
 @pytest.mark.parametrize("language", OTHERS)
 def test_every_reason_of_a_refused_start_has_one_in_each_language(
     allowed: Situation, monkeypatch: pytest.MonkeyPatch, language: str
@@ -151,6 +216,14 @@ def test_every_reason_of_a_refused_start_has_one_in_each_language(
     for name, situation in cases(allowed, monkeypatch).items():
         ((_, why),) = refusals(situation)
         assert say(why) != why, f"{name}: {why}"
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_a_code_of_a_certificate_is_has_one_in_each_language(tmp_path: Path, language: str) -> None:
+    with pytest.raises(CodeError) as found:
+        check_code(tmp_path, "SN-1")
+    for text in (str(found.value), check_code(tmp_path, f"LM1.{'0' * 64}.X").text):
+        assert words_of(language)(text) != text
 
 
 @pytest.mark.parametrize("language", OTHERS)
@@ -201,6 +274,11 @@ def test_values_are_taken_over_as_they_are() -> None:
     assert say("what nobody has translated") == "what nobody has translated"
     assert Words(ENGLISH)(filled) == filled
     assert Words("xx").language == ENGLISH
+    assert [say("1 run."), say("26 runs."), say("Look at the runs.")] == [
+        "1 Prüfung.", "26 Prüfungen.", "Look at the runs.",
+    ]  # fmt: skip
+    counted = ("{count} run.", "{count} runs.")
+    assert [say.counted(number, *counted) for number in (1, 2)] == ["1 Prüfung.", "2 Prüfungen."]
 
 
 def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_is_left() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,7 +17,8 @@ from recipes import find_recipe
 from station.counted import counted
 from station.quality.limits_trial import Tried, limits_trial
 from station.store.quality.lot import Lot, production
-from station.web.pages.quality.trial_html import flips_html, risks_html, trial_words, verdicts_html
+from station.web.languages import ENGLISH, LANGUAGES, words_of
+from station.web.pages.quality.trial_html import flips_html, risks_html, trial_words, verdicts_html, why_said
 from station.web.station import Station
 
 RECIPE = "rv-40e-121-sweep"
@@ -47,15 +49,27 @@ def test_tables_say_what_the_trial_found(station: Station) -> None:
     with production(station.data) as look:
         found = limits_trial(look, LOT, Tried("lost_motion", limit_max=0.8), 3)
         none = limits_trial(look, LOT, Tried("lost_motion", limit_max=2.0))
+    say = words_of(ENGLISH)
     assert 0 < found.flips < COUNT
-    assert f"{found.flips} of {COUNT} verdicts flip" in trial_words(found)
-    shown = flips_html(found, 3)
+    assert f"{found.flips} of {COUNT} verdicts flip" in trial_words(found, say)
+    shown = flips_html(found, 3, say)
     assert shown.count('<a href="/runs/') == min(3, found.flips)
     assert "beyond max 0.8 arcmin" in shown or "too near to max 0.8 arcmin" in shown
     assert (f"of {found.flips}" in shown) == (found.flips > 3)
-    assert flips_html(none, 3) == ""
-    assert "flips" not in verdicts_html(none)
-    assert risks_html(found).count("on trial") == 2
+    assert flips_html(none, 3, say) == ""
+    assert "flips" not in verdicts_html(none, say)
+    assert risks_html(found, say).count("on trial") == 2
+
+
+@pytest.mark.parametrize("language", [one for one in LANGUAGES if one != ENGLISH])
+def test_what_decides_on_trial_is_said_in_each_language(station: Station, language: str) -> None:
+    with production(station.data) as look:
+        trials = [limits_trial(look, LOT, Tried("lost_motion", limit_max=limit), COUNT) for limit in (0.8, 0.81, 0.82)]
+    say = words_of(language)
+    for found in trials:
+        texts = [trial_words(found, say), *(why_said(one.why, say) for one in found.flipped)]
+        assert len(texts) > 1
+        assert [text for text in texts if re.search(r"\b(side|is|near|beyond|on trial|verdicts)\b", text)] == []
 
 
 @pytest.mark.parametrize(("number", "said"), [(0, "0 runs"), (1, "1 run"), (2, "2 runs")])

@@ -26,6 +26,7 @@ from station.quality.figures import capability_of, chart_of, trend_of
 from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.quality_figures import (
     capability_html,
     causes_html,
@@ -35,6 +36,7 @@ from station.web.pages.quality_figures import (
     trend_options,
 )
 
+SAY = words_of(ENGLISH)
 SCRIPT = "<img src=x onerror=alert(1)>"
 LOT = Lot(recipe="inverse")
 OF_THE_RECORD = "rv-40e-121-quick"
@@ -65,22 +67,23 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     with production(folder) as look:
         chart = chart_of(look, LOT, "lost_motion", RULE_SETS["shewhart"], subgroup=1, baseline=13)
         trend = trend_of(look, LOT, "lost_motion", "operator")
-        table = capability_html(capability_of(look, LOT))
-    options = chart_options(chart)
+        table = capability_html(capability_of(look, LOT), SAY)
+    options = chart_options(chart, SAY)
     limits = chart.chart.mean_limits
     axis = options["yAxis"][0]
     assert not any(one["axisLabel"]["showMinLabel"] for one in options["yAxis"]), "it lies over what stands below"
     assert options["yAxis"][1]["splitNumber"] < options["yAxis"][0]["splitNumber"], "the lower picture is half as high"
     assert axis["min"] < limits.low < limits.high < axis["max"]
+    assert all(one["markLine"]["precision"] > 5 for one in options["series"]), "drawn at hundredths, they lie elsewhere"
     marked = [point for point in options["series"][0]["data"] if "symbol" in point]
     assert len(marked) == len({one.point for one in chart.chart.signals}) == 2
-    assert chart.runs[-1] in signals_html(chart)
+    assert chart.runs[-1] in signals_html(chart, SAY)
     assert len(trend_options(trend)["series"][0]["data"]) == 3, "Anna, the script, and nobody"
     assert 'class="FAIL"' in table
 
 
 def test_texts_of_records_stay_texts() -> None:
-    assert "<img" not in causes_html("x", pareto({SCRIPT: 2}))
+    assert "<img" not in causes_html("x", pareto({SCRIPT: 2}), SAY)
 
 
 def test_what_is_due_is_what_the_bench_file_says(tmp_path: Path) -> None:
@@ -89,7 +92,8 @@ def test_what_is_due_is_what_the_bench_file_says(tmp_path: Path) -> None:
     path.write_text(text + "\nmaster_parts: [{serial: M-1, expect: PASS, every: 24 h}]\n", encoding="utf-8")
     due = due_on(Store(tmp_path), load_bench(path), datetime(2026, 1, 1, tzinfo=UTC))
     assert [(one.what, one.in_order) for one in due if one.what == "master part"] == [("master part", False)]
-    assert "never measured" in due_html(due)
+    assert "never measured" in due_html(due, SAY)
+    assert "Meisterteil M-1 wurde" in due_html(due, words_of("de"))
 
 
 @pytest.fixture(scope="module")

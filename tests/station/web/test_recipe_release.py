@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from station_support import GOLDEN, Client, client_of
 
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.recipes.dry_run_html import dry_run_html
 from station.web.people import audit
 from station.web.recipe_text.dry_run import TRIED
@@ -118,5 +119,5 @@ def test_a_dry_run_measures_a_unit_of_the_catalogue_and_leaves_no_run(station: S
     assert now["stage"] == "ended", now
     assert (now["result"]["state"], now["result"]["unit"]["virtual"]) == ("complete", "catalogue")
     assert not list(station.data.glob("*/run.json"))
-    shown = dry_run_html(station.dry_runs.now(), TRIED)
+    shown = dry_run_html(station.dry_runs.now(), TRIED, words_of(ENGLISH))
     assert 'id="trial-unit"' in shown, "what a PASS of it proves stands beside it"

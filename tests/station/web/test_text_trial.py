@@ -9,6 +9,7 @@ import pytest
 from stored_runs import metric, store_run
 
 from recipes import RecipeError, find_recipe
+from station.web.languages import ENGLISH, words_of
 from station.web.pages.quality.made import page_text_trial
 from station.web.pages.recipes.dry_run_html import dry_run_html, text_trial_html
 from station.web.recipe_text.dry_run import IDLE, DryRun
@@ -41,10 +42,10 @@ def test_limits_of_a_text_are_tried_on_the_runs_that_are_there(tmp_path: Path) -
     (one,) = found.tried
     assert (one.metric.metric, one.limit_max, one.runs, one.fail_now) == ("lost_motion", LIMIT, COUNT, 0)
     assert one.would_fail == sum(value > LIMIT for value in values) > 0
-    html = text_trial_html(found)
+    html = text_trial_html(found, words_of(ENGLISH))
     assert f"recipe={RECIPE}" in html
     assert f"max={LIMIT}" in html
-    assert f"{one.would_fail} would fail" in html
+    assert f"<b>{one.would_fail}</b> would fail" in html
 
 
 @pytest.mark.parametrize("limit", ["max: null", "min: 0 arcmin"])
@@ -58,5 +59,5 @@ def test_a_limit_that_decides_nothing_is_refused_and_not_tried(tmp_path: Path, l
 def test_without_runs_there_is_nothing_to_try_on(tmp_path: Path) -> None:
     found = page_text_trial(tmp_path, find_recipe(RECIPE).read_bytes())
     assert found.lot is None
-    assert "href" not in text_trial_html(found)
-    assert 'id="trial-unit"' not in dry_run_html(DryRun(), IDLE)
+    assert "href" not in text_trial_html(found, words_of(ENGLISH))
+    assert 'id="trial-unit"' not in dry_run_html(DryRun(), IDLE, words_of(ENGLISH))

@@ -11,18 +11,9 @@ from fastapi.responses import RedirectResponse
 from nicegui import ui
 
 from analysis.line.run_rules import RULE_SETS
-from station.counted import counted
 from station.store.quality.lot import Lot
 from station.web.languages import Words
-from station.web.pages.frame import (
-    IN_ENGLISH,
-    LONGEST_BUILD_S,
-    SESSION_EVERY_S,
-    bar,
-    session_of_page,
-    still_open,
-    words_for,
-)
+from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open, words_for
 from station.web.pages.quality.batch import BatchCard
 from station.web.pages.quality.bench import BenchTab
 from station.web.pages.quality.made import choices, page_capability, page_causes, page_chart, page_trend, page_yield
@@ -36,6 +27,7 @@ from station.web.pages.quality_figures import (
     chart_options,
     chart_words,
     share_html,
+    side_title,
     signals_html,
     title_of,
     trend_options,
@@ -57,6 +49,12 @@ TREND_BY = {
 
 CAUSES = {"failed": "Metric that failed", "undecided": "No verdict", "alarms": "Alarm, any attempt"}
 """Causes by their name in the figure, and what stands above them."""
+
+BEHIND = (
+    "Not in the store yet: {count} run. The store is catching up: look again soon.",
+    "Not in the store yet: {count} runs. The store is catching up: look again soon.",
+)
+"""What is said of one run, and of several, that the figures do not have yet."""
 
 
 class Asked(NamedTuple):
@@ -95,62 +93,67 @@ class _Quality:
         self._station, self._session, self._asked, self._words = station, session, asked, say
         self._filling = False
         self._behind = ""
-        self._bench = BenchTab(station, lambda: bool(self._virtual.value))
-        self._trial = TrialCard(station, session, self._lot)
-        self._report = BatchCard(self._lot)
+        self._bench = BenchTab(station, lambda: bool(self._virtual.value), say)
+        self._trial = TrialCard(station, session, self._lot, say)
+        self._report = BatchCard(self._lot, say)
 
     async def build(self) -> None:
         """Lay the page out; the figures come one after another."""
+        say = self._words
         ui.colors(primary=LINE)
-        bar(self._station, self._session, "quality", self._words)
+        bar(self._station, self._session, "quality", say)
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
-        with ui.element("main").classes("lm-page lm-quality").props(IN_ENGLISH):
+        with ui.element("main").classes("lm-page lm-quality"):
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
-                lot = ui.tab("Production")
-                bench = ui.tab("Can this bench measure?")
-                studies = ui.tab("Guided studies")
+                lot = ui.tab(say("Production"))
+                bench = ui.tab(say("Can this bench measure?"))
+                studies = ui.tab(say("Guided studies"))
             with ui.tab_panels(tabs, value=lot).classes("lm-panels"):
                 with ui.tab_panel(lot):
                     self._production()
                 with ui.tab_panel(bench):
                     self._bench.build()
                 with ui.tab_panel(studies):
-                    GuidedStudies(self._station, self._session).build()
+                    GuidedStudies(self._station, self._session, say).build()
         ui.timer(0.0, self._first, once=True)
 
     def _production(self) -> None:
+        say = self._words
         with ui.element("form").classes("lm-filters").props('role="search" onsubmit="return false"'):
-            self._recipe = ui.select([], label="Recipe", on_change=self._again).props("outlined dense")
-            self._model = ui.select({"": "any"}, value="", label="Model", on_change=self._again).props("outlined dense")
-            self._since = ui.input("From day", on_change=self._again).props("outlined dense type=date stack-label")
-            self._until = ui.input("To day", on_change=self._again).props("outlined dense type=date stack-label")
-            units = {False: "real units", True: "virtual bench"}
-            self._virtual = ui.select(units, value=False, label="Units", on_change=self._again).props("outlined dense")
+            self._recipe = ui.select([], label=say("Recipe"), on_change=self._again)
+            self._model = ui.select({"": say("any")}, value="", label=say("Model"), on_change=self._again)
+            self._since = ui.input(say("From day"), on_change=self._again).props("type=date stack-label")
+            self._until = ui.input(say("To day"), on_change=self._again).props("type=date stack-label")
+            units = {False: say("real units"), True: say("virtual bench")}
+            self._virtual = ui.select(units, value=False, label=say("Units"), on_change=self._again)
+            for one in (self._recipe, self._model, self._since, self._until, self._virtual):
+                one.props("outlined dense")
         self._said = ui.label().classes("lm-bypasses").props('role="status" aria-live="polite"')
         self._said.set_visibility(False)
         with ui.element("div").classes("lm-quality-grid"):
-            with card("Yield"), ui.element("div").classes("lm-side-by-side"):
+            with card(say("Yield")), ui.element("div").classes("lm-side-by-side"):
                 self._shares = ui.html("", sanitize=False).classes("lm-shares")
                 self._yield = ui.echart({}).classes("lm-picture")
-            with card("What hindered it"), ui.element("div").classes("lm-side-by-side"):
+            with card(say("What hindered it")), ui.element("div").classes("lm-side-by-side"):
                 self._causes = {name: ui.html("", sanitize=False).classes("lm-causes") for name in CAUSES}
-            with card("Capability of the newest 2000 first attempts"):
+            with card(say("Capability of the newest 2000 first attempts")):
                 self._capability = ui.html("", sanitize=False).classes("lm-capability")
-            with card("By group"):
+            with card(say("By group")):
                 with ui.row().classes("lm-choose-row"):
-                    self._by = ui.select(TREND_BY, value="shift", label="By", on_change=self._trend).props(
-                        "outlined dense"
-                    )
+                    groups = {by: say(text) for by, text in TREND_BY.items()}
+                    self._by = ui.select(groups, value="shift", label=say("By"), on_change=self._trend)
+                    self._by.props("outlined dense")
                     self._trend_said = ui.label().classes("lm-words")
                 self._trend_chart = ui.echart({}).classes("lm-picture")
-            with card("Control chart").classes("lm-whole-row"):
+            with card(say("Control chart")).classes("lm-whole-row"):
                 with ui.row().classes("lm-choose-row"):
-                    self._metric = ui.select({}, label="Metric", on_change=self._metric_chosen).props("outlined dense")
+                    self._metric = ui.select({}, label=say("Metric"), on_change=self._metric_chosen)
+                    self._metric.props("outlined dense")
                     self._rules = ui.select(
-                        list(RULE_SETS), value="shewhart", label="Rules", on_change=self._chart
+                        list(RULE_SETS), value="shewhart", label=say("Rules"), on_change=self._chart
                     ).props("outlined dense")
                     self._subgroup = ui.select(
-                        {1: "single values", 3: "3", 5: "5", 10: "10"}, value=5, label="Subgroup",
+                        {1: say("single values"), 3: "3", 5: "5", 10: "10"}, value=5, label=say("Subgroup"),
                         on_change=self._chart,
                     ).props("outlined dense")  # fmt: skip
                     self._chart_said = ui.label().classes("lm-words").props('role="status"')
@@ -161,20 +164,19 @@ class _Quality:
             self._report.build()
 
     async def _first(self) -> None:
-        found = await made_beside(self._station, choices, said=self._say)
+        found = await made_beside(self._station, choices, say=self._words, said=self._say)
         if found is None:
             return
         self._filling = True
         asked = self._asked
         chosen = asked.recipe if asked.recipe in found.recipes else (found.recipes or (None,))[-1]
         self._recipe.set_options(list(found.recipes), value=chosen)
-        self._model.set_options({"": "any"} | {name: name for name in found.models})
+        self._model.set_options({"": self._words("any")} | {name: name for name in found.models})
         self._virtual.set_value(asked.virtual if asked.recipe else not found.real)
         self._filling = False
         self._bench.set_parts(found.parts)
         if found.behind:
-            left = counted(found.behind, "run")
-            self._behind = f"Not in the store yet: {left}. The store is catching up: look again soon."
+            self._behind = self._words.counted(found.behind, *BEHIND)
         await self._again()
         if asked.metric:
             await self._trial.try_asked(asked.metric, asked.low, asked.high)
@@ -198,10 +200,10 @@ class _Quality:
         await self._show_yield()
         await self._show_causes()
         lot = self._lot()
-        found = await made_beside(self._station, page_capability, lot, said=self._say)
+        found = await made_beside(self._station, page_capability, lot, say=self._words, said=self._say)
         if lot != self._lot():
             return  # another one was chosen meanwhile, and is shown by whoever chose it
-        self._capability.set_content("" if found is None else capability_html(found))
+        self._capability.set_content("" if found is None else capability_html(found, self._words))
         if found is None:
             await self._bench.show_part()
             return
@@ -222,21 +224,21 @@ class _Quality:
         known = lot.since is not None and lot.until is not None
         days = datetime.fromisoformat(lot.until or "") - datetime.fromisoformat(lot.since or "") if known else None
         by = "day" if days is not None and days <= BY_DAY_UP_TO else "month"
-        found = await made_beside(self._station, page_yield, lot, by, said=self._say)
+        found = await made_beside(self._station, page_yield, lot, by, say=self._words, said=self._say)
         if found is not None and lot == self._lot():
-            whole = found.whole
+            whole, say = found.whole, self._words
             self._shares.set_content(
-                share_html("First pass", whole.first_pass, "units") + share_html("Final", whole.final, "units")
+                share_html(say("First pass"), whole.first_pass, say) + share_html(say("Final"), whole.final, say)
             )
-            draw(self._yield, yield_options(found))
+            draw(self._yield, yield_options(found, say))
 
     async def _show_causes(self) -> None:
         lot = self._lot()
-        found = await made_beside(self._station, page_causes, lot, said=self._say)
+        found = await made_beside(self._station, page_causes, lot, say=self._words, said=self._say)
         if found is None or lot != self._lot():
             return
         for name, head in CAUSES.items():
-            self._causes[name].set_content(causes_html(head, getattr(found, name)))
+            self._causes[name].set_content(causes_html(self._words(head), getattr(found, name), self._words))
 
     async def _metric_chosen(self) -> None:
         await self._chart()
@@ -246,13 +248,13 @@ class _Quality:
         if self._filling or not self._metric.value:
             return
         asked = self._chart_asked()
-        found = await made_beside(self._station, page_chart, *asked, said=self._chart_said.set_text)
+        found = await made_beside(self._station, page_chart, *asked, say=self._words, said=self._chart_said.set_text)
         if found is not None and asked == self._chart_asked():
-            self._chart_said.set_text(chart_words(found))
-            signals = signals_html(found)
+            self._chart_said.set_text(chart_words(found, self._words))
+            signals = signals_html(found, self._words)
             self._signals.set_content(signals)
             self._signals.set_visibility(bool(signals))
-            draw(self._chart_figure, chart_options(found))
+            draw(self._chart_figure, chart_options(found, self._words))
 
     def _chart_asked(self) -> tuple[Lot, str, Sequence[str], int]:
         return self._lot(), self._metric.value, RULE_SETS[str(self._rules.value)], self._subgroup.value
@@ -261,13 +263,13 @@ class _Quality:
         if self._filling or not self._metric.value:
             return
         asked = self._trend_asked()
-        found = await made_beside(self._station, page_trend, *asked, said=self._trend_said.set_text)
+        found = await made_beside(self._station, page_trend, *asked, say=self._words, said=self._trend_said.set_text)
         if asked != self._trend_asked():
             return
         self._trend_chart.set_visibility(found is not None)
         if found is not None:
-            title = title_of(found.metric.metric, found.metric.choices, found.side)
-            self._trend_said.set_text(f"{title}. {trend_words(found)}")
+            title = side_title(found.metric, found.side, self._words)
+            self._trend_said.set_text(f"{title}. {trend_words(found, self._words)}")
             draw(self._trend_chart, trend_options(found))
 
     def _trend_asked(self) -> tuple[Lot, str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from datetime import date
+from html import escape
 from typing import TypeVar
 
 from nicegui import ui
@@ -12,6 +13,7 @@ from nicegui import ui
 from analysis.trace.errors import AnalysisError
 from recipes import RecipeError
 from station.errors import StationError
+from station.web.languages import Words
 from station.web.pages.quality_figures import Options
 from station.web.station import Station
 
@@ -19,13 +21,13 @@ Found = TypeVar("Found")
 
 
 async def made_beside(
-    station: Station, make: Callable[..., Found], *asked: object, said: Callable[[str], object]
+    station: Station, make: Callable[..., Found], *asked: object, say: Words, said: Callable[[str], object]
 ) -> Found | None:
-    """Return what is made of the station's folder beside the server; None where it cannot be, which is said."""
+    """Return what is made of the station's folder beside the server; None where it cannot be, which is said by say."""
     try:
         return await asyncio.to_thread(station.evaluations.figure, make, station.data, *asked)
     except (StationError, AnalysisError, RecipeError) as error:
-        said(str(error).replace(f"{station.data}: ", "").replace(f"{station.data}/", ""))
+        said(say(str(error).replace(f"{station.data}: ", "").replace(f"{station.data}/", "")))
         return None
 
 
@@ -33,7 +35,7 @@ def card(head: str) -> ui.element:
     """Return a card with its head."""
     found = ui.element("section").classes("lm-card lm-quality-card")
     with found:
-        ui.html(f"<h2>{head}</h2>", sanitize=False)
+        ui.html(f"<h2>{escape(head)}</h2>", sanitize=False)
     return found
 
 

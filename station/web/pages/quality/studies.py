@@ -16,21 +16,34 @@ from nicegui import ui
 from pydantic import JsonValue
 
 from analysis.trace.errors import AnalysisError
-from station.documents.study import TYPE_ONE
+from station.documents.study import GAGE, TYPE_ONE
 from station.errors import StationError
 from station.quality.bench_ability import TypeOneFigure
 from station.quality.guided.evaluate import Figure, evaluate, refuse_incomplete
-from station.quality.guided.progress import look
+from station.quality.guided.progress import look, ranges
 from station.records.studies import study_names
 from station.store.quality.lot import production
 from station.web.actions.table import ACTIONS
+from station.web.languages import Words
 from station.web.pages.frame import act, still_open
+from station.web.pages.quality.ability_text import capable_said, gage_said, indices_said, measured_said
+from station.web.pages.quality.parts import card
+from station.web.pages.quality_figures import side_title
 from station.web.people.accounts import Session
 from station.web.station import Station
 
 LOOK_EVERY_S = 2.0
 MOST_ROWS = 8
-KINDS = {TYPE_ONE: "Type 1: one unit of known value", "gage": "Gage: several units, each by several operators"}
+KINDS = {TYPE_ONE: "Type 1: one unit of known value", GAGE: "Gage: several units, each by several operators"}
+KINDS_SHORT = {TYPE_ONE: "Type 1 study", GAGE: "Gage study"}
+NEXT = "Step {step} of {steps}: put unit {part} on the bench, and scan its label."
+NEXT_BY = "Step {step} of {steps}: put unit {part} on the bench, by {operator}, and scan its label."
+MISSING = ("missing: unit {part}: trial {trials}", "missing: unit {part}: trials {trials}")
+MISSING_BY = (
+    "missing: unit {part} by {operator}: trial {trials}",
+    "missing: unit {part} by {operator}: trials {trials}",
+)
+"""What is said of one trial and of several."""
 
 
 @dataclass(frozen=True)
@@ -43,70 +56,73 @@ class StudyText:
     whole: bool
 
 
-def page_study(data: Path, name: str) -> StudyText:
+def page_study(data: Path, name: str, say: Words) -> StudyText:
     """Return how a study stands, in words; StationError as `look`."""
     found = look(data, name)
     plan, steps = found.plan, len(found.plan.order)
-    head = (
-        f"{plan.kind} of {', '.join(one.id for one in plan.metrics)}: {len(found.measured)} of {steps} steps measured"
+    head = say(
+        "{kind} of {metrics}: {measured} of {steps} steps measured",
+        kind=say(KINDS_SHORT[plan.kind]),
+        metrics=", ".join(one.id for one in plan.metrics),
+        measured=len(found.measured),
+        steps=steps,
     )
-    now, coming = found.next, "Every step is measured. Evaluate the study."
+    now, coming = found.next, say("Every step is measured. Evaluate the study.")
     if found.running:
-        coming = f"Run {found.running} is in progress. Wait for its end."
+        coming = say("Run {run} is in progress. Wait for its end.", run=found.running)
     elif now is not None:
         step, cell = now
-        by = f", by {cell.operator}" if cell.operator else ""
-        coming = f"Step {step} of {steps}: put unit {cell.part} on the bench{by}, and scan its label."
-    rows = [f"missing: {one}" for one in found.missing()]
-    rows = [*rows[:MOST_ROWS], *([f"and {len(rows) - MOST_ROWS} more"] if len(rows) > MOST_ROWS else [])]
-    rows += [f"step {one.step}, run {one.run} does not count: {one.why}" for one in found.does_not_count[-MOST_ROWS:]]
+        coming = say(NEXT_BY if cell.operator else NEXT, step=step, steps=steps, part=cell.part, operator=cell.operator)
+    rows = []
+    for (part, operator), trials in found.missing_trials().items():
+        texts, there = MISSING_BY if operator else MISSING, ranges(trials, "–")
+        rows.append(say.counted(len(trials), *texts, part=part, operator=operator, trials=there))
+    more = len(rows) - MOST_ROWS
+    rows = [*rows[:MOST_ROWS], *([say("and {count} more", count=more)] if more > 0 else [])]
+    for one in found.does_not_count[-MOST_ROWS:]:
+        why = say(one.why)
+        rows.append(say("step {step}, run {run} does not count: {why}", step=one.step, run=one.run, why=why))
     return StudyText(head, coming, tuple(rows), whole=not found.open)
 
 
-def page_figures(data: Path, name: str) -> tuple[str, ...]:
-    """Return the figures of a study in words; StationError, AnalysisError as `evaluate`."""
+def page_figures(data: Path, name: str) -> tuple[Figure, ...]:
+    """Return the figures of a study; StationError, AnalysisError as `evaluate`."""
     found = look(data, name, samples=True)
     refuse_incomplete(found)
     with production(data) as view:
-        return tuple(_words(one) for one in evaluate(view, found))
+        return evaluate(view, found)
 
 
-def _words(figure: Figure) -> str:
-    if isinstance(figure, TypeOneFigure):
-        one = figure.study
-        word = "● capable" if one.capable else "■ NOT CAPABLE"
-        return (
-            f"{word}: {figure.series.metric.name} side {figure.series.side}: Cg {one.cg:.2f} ({one.cg_low:.2f} … "
-            f"{one.cg_high:.2f}), Cgk {one.cgk:.2f} ({one.cgk_low:.2f} … {one.cgk_high:.2f}); 1.33 is needed. "
-            f"{one.measurements} measurements, bias {one.bias:.3g}, standard deviation {one.sd:.3g}"
-        )
-    return (
-        f"{figure.metric} side {figure.side}: gage {figure.anova.shares}; "
-        f"the bench tells {figure.anova.ndc} groups of parts apart"
-    )
+def figure_said(figure: Figure, say: Words) -> str:
+    """Return a figure of a study in words."""
+    if not isinstance(figure, TypeOneFigure):
+        return f"{gage_said(figure, say)}."
+    one, series = figure.study, figure.series
+    what = side_title(series.metric, series.side, say)
+    return f"{capable_said(one, say)}: {what}: {indices_said(one, say)} {measured_said(one, say)}"
 
 
 class GuidedStudies:
     """The tab on one open page."""
 
-    def __init__(self, station: Station, session: Session) -> None:
-        self._station, self._session = station, session
+    def __init__(self, station: Station, session: Session, say: Words) -> None:
+        self._station, self._session, self._words = station, session, say
         self._shown: StudyText | None = None
 
     def build(self) -> None:
         """Lay the tab out."""
+        say = self._words
         with ui.element("div").classes("lm-filters"):
-            self._study = ui.select([], label="Study", on_change=self._look).props("outlined dense")
+            self._study = ui.select([], label=say("Study"), on_change=self._look).props("outlined dense")
         with ui.element("div").classes("lm-quality-grid"):
-            with ui.element("section").classes("lm-card lm-quality-card lm-study"):
-                ui.html("<h2>What comes next</h2>", sanitize=False)
+            with card(say("What comes next")).classes("lm-study"):
                 self._head = ui.label().classes("lm-words")
                 self._next = ui.label().props('role="status" aria-live="polite"')
                 with ui.row().classes("lm-choose-row"):
-                    self._scanned = ui.input("Scanned label").props("outlined dense")
+                    self._scanned = ui.input(say("Scanned label")).props("outlined dense")
                     self._scanned.on("keydown.enter", self._measure)
-                    self._button("start_run", "Measure", self._measure)
-                    self._button("settle_study", "Evaluate", self._evaluate)
+                    self._button("start_run", say("Measure"), self._measure)
+                    self._button("settle_study", say("Evaluate"), self._evaluate)
                 self._said = ui.label().classes("lm-words").props('role="alert"')
                 self._rows = ui.html("", sanitize=False)
             if self._may("begin_study"):
@@ -115,19 +131,20 @@ class GuidedStudies:
         ui.timer(LOOK_EVERY_S, self._look)
 
     def _begin_card(self) -> None:
-        with ui.element("section").classes("lm-card lm-quality-card"):
-            ui.html("<h2>Begin a study</h2>", sanitize=False)
-            self._name = ui.input("Name").props("outlined dense")
-            self._kind = ui.select(KINDS, value=TYPE_ONE, label="Kind").props("outlined dense")
-            self._parts = ui.input("Serial numbers, with commas").props("outlined dense")
-            self._operators = ui.input("Operators by their accounts, with commas").props("outlined dense")
-            self._metrics = ui.input("Metrics by id, with commas").props("outlined dense")
-            self._references = ui.input("Known values, one for each metric (type 1)").props("outlined dense")
-            self._tolerances = ui.input("Tolerances (empty: as in the recipe)").props("outlined dense")
-            self._trials = ui.number("Trials (empty: 50 for type 1, 3 for gage)", min=1, format="%d").props(
+        say = self._words
+        with card(say("Begin a study")):
+            self._name = ui.input(say("Name of the study")).props("outlined dense")
+            kinds = {kind: say(text) for kind, text in KINDS.items()}
+            self._kind = ui.select(kinds, value=TYPE_ONE, label=say("Kind")).props("outlined dense")
+            self._parts = ui.input(say("Serial numbers, with commas")).props("outlined dense")
+            self._operators = ui.input(say("Operators by their accounts, with commas")).props("outlined dense")
+            self._metrics = ui.input(say("Metrics by id, with commas")).props("outlined dense")
+            self._references = ui.input(say("Known values, one for each metric (type 1)")).props("outlined dense")
+            self._tolerances = ui.input(say("Tolerances (empty: as in the recipe)")).props("outlined dense")
+            self._trials = ui.number(say("Trials (empty: 50 for type 1, 3 for gage)"), min=1, format="%d").props(
                 "outlined dense"
             )
-            self._button("begin_study", "Begin", self._begin)
+            self._button("begin_study", say("Begin"), self._begin)
             self._begun = ui.label().classes("lm-words").props('role="alert"')
 
     def _may(self, action: str) -> bool:
@@ -141,16 +158,16 @@ class GuidedStudies:
         names = await asyncio.to_thread(study_names, self._station.data)
         self._study.set_options(names, value=chosen or (names[-1] if names else None))
         if not names:
-            self._next.set_text("No study was begun.")
+            self._next.set_text(self._words("No study was begun."))
 
     async def _look(self) -> None:
         name = self._study.value
         if not name or not await still_open(self._station, self._session):
             return
         try:
-            found = await asyncio.to_thread(page_study, self._station.data, str(name))
+            found = await asyncio.to_thread(page_study, self._station.data, str(name), self._words)
         except StationError as error:
-            self._next.set_text(str(error))
+            self._next.set_text(self._words(str(error)))
             return
         if found != self._shown:
             self._shown = found
@@ -170,16 +187,18 @@ class GuidedStudies:
             make, data = self._station.evaluations.figure, self._station.data
             figures = await asyncio.to_thread(lambda: make(page_figures, data, name))
         except (StationError, AnalysisError) as error:
-            self._said.set_text(str(error))
+            self._said.set_text(self._words(str(error)))
             return
-        self._said.set_text(". ".join(figures))
+        self._said.set_text(" ".join(figure_said(one, self._words) for one in figures))
 
     async def _begin(self) -> None:
         name = str(self._name.value or "").strip()
         try:
             numbers = {"references": _numbers(self._references.value), "tolerances": _numbers(self._tolerances.value)}
         except ValueError as error:
-            self._begun.set_text(f"Known values and tolerances are numbers with a point: {error}")
+            self._begun.set_text(
+                self._words("Known values and tolerances are numbers with a point: {error}", error=error)
+            )
             return
         values: dict[str, JsonValue] = {
             "study": name, "kind": str(self._kind.value), "parts": list(_texts(self._parts.value)),
@@ -189,13 +208,13 @@ class GuidedStudies:
         for key, found in numbers.items():
             values[key] = list(found)
         if await self._done("begin_study", values, self._begun):
-            self._begun.set_text(f"Study {name} was begun.")
+            self._begun.set_text(self._words("Study {name} was begun.", name=name))
             await self._names(name)
 
     async def _done(self, action: str, values: dict[str, JsonValue], said: ui.label) -> bool:
         """Do an action, and say why not; return whether it was done."""
         answer = await act(self._station, self._session, action, values)
-        said.set_text(" ".join(one.text for one in answer.refused))
+        said.set_text(" ".join(self._words(one.text) for one in answer.refused))
         self._shown = None
         await self._look()
         return not answer.refused

@@ -18,6 +18,7 @@ from station.store.quality.lot import Lot
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
 from station.web.definition_trials import TrialState
+from station.web.languages import Words
 from station.web.pages.frame import act, still_open
 from station.web.pages.quality.made import MOST_FLIPS, page_definitions, page_draft, page_trial
 from station.web.pages.quality.parts import card, made_beside
@@ -41,49 +42,56 @@ NEWEST = (50, 200, 2000)
 
 LOOK_EVERY_S = 1.0
 
+KEPT = (
+    "An empty field keeps the present limit, '{none}' removes it. A guard band of 0 ignores the uncertainty. No stored "
+    "verdict changes."
+)
+EVALUATED = (
+    "For another definition every run is evaluated again, about half a second each, while the bench goes on. Choose "
+    "one, or type it as a recipe has it: stiffness_at torque=50% branch=load."
+)
+NO_NUMBERS = "Limits are numbers with a point for decimals; a guard band is from 0 to 1."
+
 
 class TrialCard:
     """The card; lot: says which one is chosen on the page."""
 
-    def __init__(self, station: Station, session: Session, lot: Callable[[], Lot]) -> None:
-        self._station, self._session, self._lot = station, session, lot
+    def __init__(self, station: Station, session: Session, lot: Callable[[], Lot], say: Words) -> None:
+        self._station, self._session, self._lot, self._words = station, session, lot, say
         self._found: Trial | None = None
         self._shown: TrialState | None = None
         self._defines = session.person.role in ACTIONS["begin_study"].roles
 
     def build(self) -> None:
         """Lay it out."""
-        with card("Limits on trial").classes("lm-whole-row lm-trial"):
+        say = self._words
+        with card(say("Limits on trial")).classes("lm-whole-row lm-trial"):
             with ui.row().classes("lm-choose-row"):
-                self._metric = ui.select({}, label="Metric on trial", on_change=self._metric_chosen).props(
+                self._metric = ui.select({}, label=say("Metric on trial"), on_change=self._metric_chosen).props(
                     "outlined dense"
                 )
                 self._definition = ui.select(
-                    {AS_IT_IS: "as it is"}, value=AS_IT_IS, label="Defined as", with_input=True,
+                    {AS_IT_IS: say("as it is")}, value=AS_IT_IS, label=say("Defined as"), with_input=True,
                     new_value_mode="add-unique", on_change=self._definition_chosen,
                 ).props("outlined dense").classes("lm-definition")  # fmt: skip
                 self._low, self._high, self._guard = (
                     ui.input(label, on_change=self.forget).props("outlined dense")
-                    for label in ("New min", "New max", "New guard band, × U")
+                    for label in (say("New min"), say("New max"), say("New guard band, × U"))
                 )
                 self._newest = ui.select(
-                    {number: f"newest {number}" for number in NEWEST}, value=NEWEST[0], label="Runs",
+                    {number: say("newest {number}", number=number) for number in NEWEST}, value=NEWEST[0],
+                    label=say("Runs"),
                     on_change=self.forget,
                 ).props("outlined dense")  # fmt: skip
-                ui.button("Try", on_click=self._try).props("outline no-caps")
-                self._save = ui.button("Save as draft", on_click=self._save_draft).props("outline no-caps no-wrap")
-            ui.label(
-                f"An empty field keeps the present limit, {NONE!r} removes it. A guard band of 0 ignores the "
-                "uncertainty. No stored verdict changes."
-            ).classes("lm-words")
-            self._explained = ui.label(
-                "For another definition every run is evaluated again, about half a second each, while the bench goes "
-                "on. Choose one, or type it as a recipe has it: stiffness_at torque=50% branch=load."
-            ).classes("lm-words")
+                ui.button(say("Try"), on_click=self._try).props("outline no-caps")
+                self._save = ui.button(say("Save as draft"), on_click=self._save_draft)
+                self._save.props("outline no-caps no-wrap")
+            ui.label(say(KEPT, none=NONE)).classes("lm-words")
+            self._explained = ui.label(say(EVALUATED)).classes("lm-words")
             with ui.row().classes("lm-choose-row") as self._progress:
                 self._bar = ui.linear_progress(0.0, show_value=False).classes("lm-progress")
                 self._far = ui.label().classes("lm-words").props('role="status"')
-                ui.button("Stop", on_click=self._stop).props("outline no-caps")
+                ui.button(say("Stop"), on_click=self._stop).props("outline no-caps")
             self._said = ui.html("", sanitize=False).classes("lm-words").props('role="status" aria-live="polite"')
             with ui.element("div").classes("lm-side-by-side"):
                 self._verdicts = ui.html("", sanitize=False)
@@ -114,11 +122,11 @@ class TrialCard:
             return
         self._definition.disable()
         asked = (self._lot(), str(self._metric.value))
-        texts = await made_beside(self._station, page_definitions, *asked, said=self._tell) or ()
+        texts = await made_beside(self._station, page_definitions, *asked, say=self._words, said=self._tell) or ()
         if asked != (self._lot(), self._metric.value):
             return  # another one was chosen meanwhile, and is asked for
         chosen = self._definition.value or AS_IT_IS
-        offered = {AS_IT_IS: "as it is"} | {one: definition_title(one) for one in texts}
+        offered = {AS_IT_IS: self._words("as it is")} | {one: definition_title(one) for one in texts}
         self._definition.set_options({chosen: chosen} | offered, value=chosen)
         self._definition.enable()
 
@@ -145,7 +153,7 @@ class TrialCard:
             if guard is not None and not 0.0 <= guard <= 1.0:
                 raise ValueError  # noqa: TRY301 - as one that is no number
         except ValueError:
-            self._said.set_content("Limits are numbers with a point for decimals; a guard band is from 0 to 1.")
+            self._tell(self._words(NO_NUMBERS))
             return None
         return Tried(str(self._metric.value), None, low, high, guard, self._other())
 
@@ -158,14 +166,14 @@ class TrialCard:
             return
         lot = self._lot()
         if not tried.definition:
-            found = await made_beside(self._station, page_trial, lot, tried, said=self._tell)
+            found = await made_beside(self._station, page_trial, lot, tried, say=self._words, said=self._tell)
             if found is not None and (lot, tried) == (self._lot(), self._asked()):
                 self._show(found)  # else something else was chosen meanwhile
             return
         try:
             self._station.trials.start(self._station.data, lot._replace(newest=self._newest.value), tried)
         except StationError as error:
-            self._tell(str(error))
+            self._tell(self._words(str(error)))
         self._look()
 
     def _look(self) -> None:
@@ -178,15 +186,16 @@ class TrialCard:
         before, self._shown = self._shown, now
         if now.running:
             self._bar.set_value(now.done / now.of if now.of else 0.0)
-            self._far.set_text(progress_words(now))
+            self._far.set_text(progress_words(now, self._words))
             return
         if not self._same_lot(now):
             if before is not None:
-                self._tell(f"{now.tried.definition}: the trial over another lot has ended.")
+                name = now.tried.definition
+                self._tell(self._words("{definition}: the trial over another lot has ended.", definition=name))
             return
         self.forget()
         if now.found is None:
-            self._tell(now.error)
+            self._tell(self._words(now.error))
         else:
             self._show(now.found)
 
@@ -201,28 +210,28 @@ class TrialCard:
 
     def _show(self, found: Trial) -> None:
         self._found = found
-        self._tell(trial_words(found))
-        self._verdicts.set_content(verdicts_html(found))
-        self._risks.set_content(risks_html(found))
-        self._flips.set_content(flips_html(found, MOST_FLIPS) + failed_html(found))
+        say = self._words
+        self._tell(trial_words(found, say))
+        self._verdicts.set_content(verdicts_html(found, say))
+        self._risks.set_content(risks_html(found, say))
+        self._flips.set_content(flips_html(found, MOST_FLIPS, say) + failed_html(found, say))
         self._save.set_visibility(self._session.person.role in ACTIONS["save_recipe"].roles)
 
     async def _save_draft(self) -> None:
         if self._found is None:
             return
-        text = await made_beside(self._station, page_draft, self._found, said=self._tell)
+        text = await made_beside(self._station, page_draft, self._found, say=self._words, said=self._tell)
         if text is None:
             return
         answer = await act(self._station, self._session, "save_recipe", {"text": text, "replaces": ""})
         if isinstance(answer.said, RecipeChanged):
             saved = answer.said
-            self._said.set_content(
-                f'Saved as draft: <a href="{address_of(saved.name, saved.revision)}">revision {saved.revision}</a>. '
-                "Another person releases it."
-            )
+            named = escape(self._words("revision {revision}", revision=saved.revision))
+            link = f'<a href="{address_of(saved.name, saved.revision)}">{named}</a>'
+            self._said.set_content(self._words("Saved as draft: {link}. Another person releases it.", link=link))
             self._save.set_visibility(False)
         else:
-            self._tell(" ".join(one.text for one in answer.refused))
+            self._tell(" ".join(self._words(one.text) for one in answer.refused))
 
     def _tell(self, text: str) -> None:
         self._said.set_content(escape(text))

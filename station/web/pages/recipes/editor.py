@@ -19,10 +19,8 @@ from recipes.editing import Group, changed, limits_of, load_of
 from recipes.text.problems import OptionPath
 from recipes.text.yaml_source import parse_source
 from station.errors import StationError
-from station.records.chain.entries import RECIPE_ASKED, RECIPE_RELEASED, RECIPE_SAVED, RECIPE_SENT_BACK
 from station.records.revisions.history import History
 from station.records.revisions.revision import Revision, State, hash_of
-from station.run.screen.progress import clock
 from station.web.actions.row import Answer
 from station.web.actions.table import ACTIONS
 from station.web.actions.values import RecipeChanged
@@ -30,10 +28,10 @@ from station.web.languages import Words
 from station.web.pages.frame import IN_ENGLISH, SESSION_EVERY_S, act, bar, session_of_page, still_open, words_for
 from station.web.pages.quality.made import page_text_trial
 from station.web.pages.quality.parts import made_beside
-from station.web.pages.quality_figures import Options
 from station.web.pages.recipes.diff import diff_html
 from station.web.pages.recipes.dry_run_html import dry_run_html, text_trial_html
-from station.web.pages.words import local
+from station.web.pages.recipes.load_curve import LINE_INK, chart_options, load_text
+from station.web.pages.recipes.revisions import history_html, state_said, title_said
 from station.web.people.accounts import Session
 from station.web.recipe_text.check import LookedAt, look_at
 from station.web.recipe_text.dry_run import IDLE, TRIED, TRYING, DryRun
@@ -43,13 +41,9 @@ LOOK_EVERY_S = 0.15
 QUIET_S = 0.35
 """For how long nobody has typed when the text is checked."""
 
-DID = {
-    RECIPE_SAVED: "saved a text", RECIPE_ASKED: "asked for the release", RECIPE_SENT_BACK: "sent it back",
-    RECIPE_RELEASED: "released it",
-}  # fmt: skip
 WHY_BACK = "What shall be changed"
+NOT_SENT_BACK = "Nothing was sent back. Write what its authors shall change into the field '{field}'."
 TEXT_LABEL = "text of the recipe"
-INK, QUIET_INK, LINE_INK = "#23282b", "#c2c7ca", "#2f4a5e"
 
 
 def address_of(name: str, revision: int) -> str:
@@ -64,15 +58,15 @@ def add_editor(station: Station) -> None:
     async def recipe(request: Request, name: str, revision: int, new: int = 0) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
+        say = words_for(station, session, request)
         try:
             history = await asyncio.to_thread(History, station.data)
             found = history.find(name, revision)
             text = None if found is None else await asyncio.to_thread(found.text)
         except StationError as error:
-            return HTMLResponse(escape(str(error)), 409)
+            return HTMLResponse(escape(say(str(error))), 409)
         if found is None or text is None:
-            return HTMLResponse("There is no such revision.", 404)
-        say = words_for(station, session, request)
+            return HTMLResponse(escape(say("There is no such revision.")), 404)
         await _Editor(station, session, history, found, text.decode()).build(say, as_new=bool(new))
         return None
 
@@ -93,16 +87,16 @@ class _Editor:
         self._told: tuple[Revision | None, bool, bool] | None = None
 
     async def build(self, say: Words, *, as_new: bool) -> None:
-        """Lay the page out; say: the words of its bar; as_new: the text becomes the draft of the next revision."""
+        """Lay the page out; as_new: the text becomes the draft of the next revision."""
         assert self._found is not None  # noqa: S101 - the page was asked for by it
-        opened = self._found
+        self._words, opened = say, self._found
         if as_new and opened.state is State.RELEASED:
             number = max(one.revision for one in self._history.all() if one.name == opened.name) + 1
             self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
             self._found = None
         ui.colors(primary=LINE_INK)
         bar(self._station, self._session, "recipes", say)
-        with ui.element("main").classes("lm-page").props(IN_ENGLISH):
+        with ui.element("main").classes("lm-page"):
             self._head = ui.element("div").classes("lm-recipe-head")
             self._refused = ui.label().classes("lm-refused").props('role="alert"')
             self._refused.set_visibility(False)
@@ -113,40 +107,46 @@ class _Editor:
                 self._editor.classes("lm-recipe-text")
                 with ui.element("section").classes("lm-recipe-side"):
                     self._load = ui.label().classes("lm-recipe-load").props('role="status"')
-                    self._chart = ui.echart(_chart_options()).classes("lm-recipe-chart")
+                    self._chart = ui.echart(chart_options(say)).classes("lm-recipe-chart")
                     self._build_tabs(opened)
         self._editor.set_enabled(self._may_write())
         # What cannot be written has no cursor to scroll with.
         ui.run_javascript(f"getHtmlElement({self._editor.id}).querySelector('.cm-scroller').tabIndex = 0")
-        ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', '{TEXT_LABEL}')")
+        ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', {say(TEXT_LABEL)!r})")
         self._show_head()
         ui.timer(LOOK_EVERY_S, self._look)
         ui.timer(SESSION_EVERY_S, partial(still_open, self._station, self._session))
 
     def _build_tabs(self, opened: Revision) -> None:
+        say = self._words
         with ui.tabs().props("dense no-caps align=left") as tabs:
-            names = ("Messages", "Limits", "Load", "Changes", "Dry run", "History")
-            made = {name: ui.tab(name) for name in names}
-        first = "Changes" if opened.state is State.ASKED else "Messages"
-        with ui.tab_panels(tabs, value=made[first], keep_alive=True).classes("lm-recipe-panels"):
-            with ui.tab_panel(made["Messages"]):
+            messages, limits, load = (ui.tab(text) for text in (say("Messages"), say("Limits"), say("Load")))
+            changes, tried, events = (ui.tab(text) for text in (say("Changes"), say("Dry run"), say("History")))
+        first = changes if opened.state is State.ASKED else messages
+        with ui.tab_panels(tabs, value=first, keep_alive=True).classes("lm-recipe-panels"):
+            with ui.tab_panel(messages):
                 self._messages = ui.element("div").props('aria-live="polite"')
-            with ui.tab_panel(made["Limits"]):
+            with ui.tab_panel(limits):
                 self._limits = ui.element("div").classes("lm-form")
-            with ui.tab_panel(made["Load"]):
+            with ui.tab_panel(load):
                 self._steps = ui.element("div").classes("lm-form")
-            with ui.tab_panel(made["Changes"]):
+            with ui.tab_panel(changes):
                 others = [one for one in self._history.all() if one.name == opened.name]
-                choices = {one.revision: f"revision {one.revision} ({one.state.value})" for one in others}
+                choices = {
+                    one.revision: say("revision {number} ({state})", number=one.revision, state=state_said(one, say))
+                    for one in others
+                }
+                before = self._before(others, opened)
                 self._against = ui.select(
-                    choices, value=self._before(others, opened), label="Compared with", on_change=self._show_changes
+                    choices, value=before, label=say("Compared with"), on_change=self._show_changes
                 ).props("outlined dense")
                 self._changes = ui.html(sanitize=False)
-            with ui.tab_panel(made["Dry run"]):
-                self._try = ui.button("Try on the virtual bench", on_click=self._start_dry_run).props("no-caps outline")
+            with ui.tab_panel(tried):
+                self._try = ui.button(say("Try on the virtual bench"), on_click=self._start_dry_run)
+                self._try.props("no-caps outline")
                 self._tried = ui.html(sanitize=False).props('aria-live="polite"')
-            with ui.tab_panel(made["History"]):
-                ui.html(_history_html(self._history, opened.name), sanitize=False)
+            with ui.tab_panel(events):
+                ui.html(history_html(self._history, opened.name, say), sanitize=False)
 
     def _before(self, others: list[Revision], opened: Revision) -> int:
         """Return the revision that a text is compared with at first: the newest released one below it."""
@@ -173,30 +173,34 @@ class _Editor:
         told = (found, saved, goes_on)
         if told == self._told:
             return  # a button that is made anew under the finger loses the click
-        self._told = told
+        self._told, say = told, self._words
         self._head.clear()
         with self._head:
             with ui.element("h1").classes("lm-recipe-title"):
-                ui.label(f"{self._name}, new draft" if found is None else found.title)
-            state = "not saved" if found is None else found.state.value
-            ui.label(state if saved or found is None else f"{state}, changed and not saved").classes("lm-recipe-state")
+                ui.label(say("{name}, new draft", name=self._name) if found is None else title_said(found, say))
+            state = say("not saved") if found is None else state_said(found, say)
+            changed_too = not saved and found is not None
+            shown = say("{state}, changed and not saved", state=state) if changed_too else state
+            ui.label(shown).classes("lm-recipe-state")
             if found is not None and found.state is State.RELEASED and self._may("save_recipe"):
                 ui.button(
-                    "Copy to a new revision",
+                    say("Copy to a new revision"),
                     on_click=lambda: ui.navigate.to(f"{address_of(found.name, found.revision)}?new=1"),
                 ).props("no-caps outline")
             if self._may_write():
-                ui.button("Save", on_click=self._save).props("no-caps").set_enabled(not saved)
+                ui.button(say("Save"), on_click=self._save).props("no-caps").set_enabled(not saved)
             if found is not None and found.state is State.DRAFT and self._may("ask_release"):
-                button = ui.button("Ask for release", on_click=partial(self._release, "ask_release"))
+                button = ui.button(say("Ask for release"), on_click=partial(self._release, "ask_release"))
                 button.props("no-caps").set_enabled(goes_on)
             if found is not None and found.state is State.ASKED and self._may("release_recipe"):
-                button = ui.button("Release", on_click=partial(self._release, "release_recipe"))
+                button = ui.button(say("Release"), on_click=partial(self._release, "release_recipe"))
                 button.props("no-caps").set_enabled(goes_on)
-                why = ui.input(WHY_BACK).props("outlined dense maxlength=200").classes("lm-why-back")
-                ui.button("Send back", on_click=lambda: self._send_back(str(why.value or ""))).props("no-caps outline")
+                why = ui.input(say(WHY_BACK)).props("outlined dense maxlength=200").classes("lm-why-back")
+                send = ui.button(say("Send back"), on_click=lambda: self._send_back(str(why.value or "")))
+                send.props("no-caps outline")
             if found is not None and found.sent_back_by:
-                ui.label(f"Sent back by {found.sent_back_by}: {found.reason}").classes("lm-sent-back")
+                why_back = say("Sent back by {person}: {reason}", person=found.sent_back_by, reason=found.reason)
+                ui.label(why_back).classes("lm-sent-back")
 
     def _typed(self, event: Any) -> None:
         self._text = str(event.value or "")
@@ -228,26 +232,17 @@ class _Editor:
         self._messages.clear()
         with self._messages:
             if looked.job is not None:
-                ui.label("✓ No errors found.").classes("lm-in-order")
+                ui.label(self._words("✓ No errors found.")).classes("lm-in-order")
             for one in looked.messages:
                 with ui.element("div").classes("lm-warning" if one.is_warning else "lm-problem"):
                     if one.line:
-                        ui.button(f"✕ {one.where}", on_click=partial(self._editor.reveal_line, one.line)).props(
-                            "flat dense no-caps"
-                        )
-                    ui.label(one.text)
+                        ui.button(
+                            f"✕ {self._words(one.where)}", on_click=partial(self._editor.reveal_line, one.line)
+                        ).props("flat dense no-caps")
+                    ui.label(one.text).props(IN_ENGLISH)
 
     def _show_load(self, looked: LookedAt) -> None:
-        if looked.job is None:
-            count = len(looked.messages)
-            where = next((f", the first in {one.where}" for one in looked.messages if one.line), "")
-            self._load.set_text(
-                f"✕ {count} {'message' if count == 1 else 'messages'}{where}. The load curve cannot be shown."
-            )
-        else:
-            share = looked.peak_nm / looked.rated_nm
-            peak = f"peak torque {looked.peak_nm:.4g} N·m ({share:.0%} of rated)"
-            self._load.set_text(f"{clock(looked.duration_s)} min, {peak}")
+        self._load.set_text(load_text(looked, self._words))
         series = self._chart.options["series"][0]
         series["data"] = [list(point) for point in looked.load_profile]
         rated = [looked.rated_nm, -looked.rated_nm] if looked.job is not None else []
@@ -290,7 +285,7 @@ class _Editor:
         try:
             text = changed(self._text.encode(), option, value).decode()
         except RecipeError as error:
-            self._say([str(error)])
+            self._say([self._words(str(error))])
             return
         self._say([])
         if text != self._text:
@@ -301,13 +296,13 @@ class _Editor:
         try:
             before = "" if other is None else other.text().decode()
         except StationError as error:
-            self._changes.set_content(escape(str(error)))
+            self._changes.set_content(escape(self._words(str(error))))
             return
-        self._changes.set_content(diff_html(before, self._text))
+        self._changes.set_content(diff_html(before, self._text, self._words))
 
     async def _perform(self, action: str, values: dict[str, JsonValue]) -> Answer:
         answer = await act(self._station, self._session, action, values)
-        self._say([one.text for one in answer.refused])
+        self._say([self._words(one.text) for one in answer.refused])
         return answer
 
     def _say(self, refused: list[str]) -> None:
@@ -329,7 +324,7 @@ class _Editor:
 
     async def _send_back(self, why: str) -> None:
         if not why.strip():
-            self._say([f"Nothing was sent back. Write what its authors shall change into the field '{WHY_BACK}'."])
+            self._say([self._words(NOT_SENT_BACK, field=self._words(WHY_BACK))])
             return
         await self._release("send_recipe_back", reason=why)
 
@@ -349,44 +344,16 @@ class _Editor:
         self._try.set_enabled(now.stage != TRYING and self._may("try_recipe"))
         if shown != self._dry:
             self._dry = shown
-            self._tried.set_content(dry_run_html(now, shown[0]))
+            self._tried.set_content(dry_run_html(now, shown[0], self._words))
             if shown[0] == TRIED and now.result is not None:
                 ui.timer(0.0, self._try_limits, once=True)
 
     async def _try_limits(self) -> None:
         """Say beside a dry run what the limits of its text do to the runs that are there."""
         told, text = list[str](), self._text
-        found = await made_beside(self._station, page_text_trial, text.encode(), said=told.append)
+        found = await made_beside(self._station, page_text_trial, text.encode(), say=self._words, said=told.append)
         now = self._station.dry_runs.now()
         if now.stage == TRIED and now.sha256 == hash_of(text.encode()) == hash_of(self._text.encode()):
-            said = text_trial_html(found) if found is not None else f"<p>{escape(' '.join(told))}</p>"
-            self._tried.set_content(dry_run_html(now, TRIED) + said)
-
-
-def _history_html(history: History, name: str) -> str:
-    rows = "".join(
-        f"<tr><td>{local(one.time)}</td><td>revision {one.revision}</td>"
-        f"<td>{escape(one.person)} {DID[one.kind]}{escape(f': {one.reason}' if one.reason else '')}</td>"
-        f"<td><code>{one.sha256[:12]}</code></td></tr>"
-        for one in reversed(history.events(name))
-    )
-    return f'<table class="lm">{rows}</table>' if rows else "<p>Nobody has changed this recipe here.</p>"
-
-
-def _chart_options() -> Options:
-    axis = {
-        "type": "value",
-        "nameLocation": "middle",
-        "nameTextStyle": {"fontSize": 14, "color": INK},
-        "axisLabel": {"fontSize": 13, "color": INK},
-        "splitLine": {"lineStyle": {"color": QUIET_INK}},
-    }
-    rated = {"silent": True, "symbol": "none", "label": {"formatter": "rated"}, "lineStyle": {"color": INK}, "data": []}
-    line = {"type": "line", "data": [], "showSymbol": False, "lineStyle": {"width": 2, "color": LINE_INK}}
-    return {
-        "animation": False,
-        "grid": {"left": 70, "right": 50, "top": 16, "bottom": 44},
-        "xAxis": {**axis, "name": "time from the first ramp in s", "nameGap": 26},
-        "yAxis": {**axis, "name": "output torque in N·m", "nameGap": 48},
-        "series": [{**line, "markLine": rated}],
-    }
+            said = f"<p>{escape(' '.join(told))}</p>"
+            said = said if found is None else text_trial_html(found, self._words)
+            self._tried.set_content(dry_run_html(now, TRIED, self._words) + said)

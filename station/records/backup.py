@@ -125,17 +125,22 @@ def below(data: Path) -> list[Path]:
     return [data / name for name in names if is_there(data / name / CHAIN)]
 
 
-def _refuse_while_on(data: Path) -> None:
-    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody.
+def not_concluded(data: Path) -> list[str]:
+    """Return the runs that were left behind and that nobody has concluded, oldest first.
 
     Every run is asked: one that was left behind may be of last year, and all of its files are read in a moment anyway.
     """
+    return [run.id for run in Store(data).runs() if _state(run) == NOT_CONCLUDED]
+
+
+def _refuse_while_on(data: Path) -> None:
+    """Refuse while a run, a recovery or a jog is on; what was left behind is kept as it is.
+
+    A run that cannot be concluded, as one whose samples are gone, must not keep all others out of a backup.
+    """
     for run in Store(data).newest_first():
-        if _state(run) in (RECORDING, NOT_CONCLUDED):
-            raise StationError(
-                f"run {run.id} is in progress, or was not concluded. Wait for its end, or run 'lostmotion conclude "
-                "--all'"
-            )
+        if _state(run) == RECORDING:
+            raise StationError(f"run {run.id} is in progress. End it, or wait for its end")
     for folder in below(data):
         for record in Store(folder).newest_first():
             if _state(record) == RECORDING:

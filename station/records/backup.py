@@ -28,8 +28,7 @@ from station.documents.entries import plain
 from station.documents.reading import document_in
 from station.documents.signs import in_signs
 from station.errors import RecordError, StationError
-from station.records.chain.blocks import LARGEST_LINES
-from station.records.chain.chain_file import CHAIN
+from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import CREATED, entry_of
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
@@ -161,9 +160,9 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: read_file(path, LARGEST_LINES)
-        for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
-        if is_there(path) is not False
+        folder / CHAIN: Chain(folder).content
+        for folder in (data, *below(data))
+        if is_there(folder / CHAIN) is not False
     }
     paths = list(_files(data))
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
@@ -296,7 +295,7 @@ def backed_up(file: Path) -> dict[str, str]:
 
 def _read(file: Path, into: Path) -> Kept:
     found, made = _looked_through(file, into)
-    chain = read_file(into / CHAIN, LARGEST_LINES) if CHAIN in found else b""
+    chain = Chain(into).content if CHAIN in found else b""
     return Kept(len(found), sum(size for size, _ in found.values()), made, _newest_in(chain))
 
 

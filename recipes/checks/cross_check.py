@@ -79,17 +79,25 @@ DATED_CHECKS: tuple[DatedCheck, ...] = (check_stored_calibration, check_fixture)
 """Checks that depend on the day too."""
 
 
-def check(recipe: Recipe, bench: Bench, path: str | Path | None = None, today: date | None = None) -> list[Problem]:
+def check(
+    recipe: Recipe,
+    bench: Bench,
+    path: str | Path | None = None,
+    today: date | None = None,
+    *,
+    in_record: bool = False,
+) -> list[Problem]:
     """Return everything that speaks against this recipe on this bench, sorted by its place in the recipe.
 
     `path` replaces the recipe's path in the messages; `today` is the day that stored calibrations are judged by.
+    `in_record`: the recipe is the copy in a record, which opens as ever, with options that were left empty.
     """
     findings = list(_other_side(recipe, bench))
     if not findings:
         findings += [finding for row in CHECKS for finding in row(recipe, bench)]
         day = today or datetime.now(tz=UTC).date()
         findings += [finding for row in DATED_CHECKS for finding in row(recipe, bench, day)]
-    return _problems(recipe, [*findings, *_empty_options(recipe)], path)
+    return _problems(recipe, [*findings, *(() if in_record else _empty_options(recipe))], path)
 
 
 def check_alone(recipe: Recipe, path: str | Path | None = None) -> list[Problem]:

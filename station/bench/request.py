@@ -286,7 +286,7 @@ def trace_file(name: str) -> Path | None:
 
 
 def as_written(path: Path) -> Source:
-    """Read a bench file that is no copy in a record, and so has nothing left empty."""
+    """Read a bench file that is named, and has nothing left empty where it is no copy in a record."""
     source = Source.read(path)
     parse_written_bench(source.content, str(path))
     return source
@@ -307,7 +307,21 @@ def stored_job(run: RunRecord) -> Job:
         RecordError: run.json is damaged, or one of the files cannot be read now.
 
     """
-    return _loaded(lambda: _stored_source(run.folder / RECIPE_COPY), lambda _: _stored_bench(run), run.day())
+    return _loaded(
+        lambda: _stored_source(run.folder / RECIPE_COPY), lambda _: _stored_bench(run), run.day(), in_record=True
+    )
+
+
+def stored_job_on(run: RunRecord, bench_name: str) -> Job:
+    """Load the recipe of a stored run as it was accepted then, for a bench as it is today; otherwise as `load_job`."""
+    job = _loaded(
+        lambda: _stored_source(run.folder / RECIPE_COPY),
+        lambda recipe: as_written(_bench_file(bench_name, recipe)),
+        None,
+        in_record=True,
+    )
+    _check_parts(job)
+    return job
 
 
 def _stored_bench(run: RunRecord) -> Source:
@@ -388,9 +402,16 @@ def _check_parts(job: Job) -> None:
 
 
 def _loaded(
-    read_recipe: Callable[[], Source], read_bench: Callable[[Recipe | None], Source | None], day: date | None
+    read_recipe: Callable[[], Source],
+    read_bench: Callable[[Recipe | None], Source | None],
+    day: date | None,
+    *,
+    in_record: bool = False,
 ) -> Job:
-    """Read both files, and check each and the pair; `read_bench` is told the recipe, None where that is none."""
+    """Read both files, and check each and the pair; `read_bench` is told the recipe, None where that is none.
+
+    in_record: the recipe is the copy in a record.
+    """
     problems: list[Problem] = []
     recipe: Recipe | None = None
     bench: Bench | None = None
@@ -406,7 +427,7 @@ def _loaded(
         problems += error.problems
     if recipe is None or bench is None or bench_source is None or problems:
         raise RecipeError(problems)
-    found = check(recipe, bench, recipe_source.path, day)
+    found = check(recipe, bench, recipe_source.path, day, in_record=in_record)
     if found:
         raise RecipeError(found)
     job = Job(recipe, bench, recipe_source, bench_source)

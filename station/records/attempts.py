@@ -8,6 +8,7 @@ that left no trace, the line of its removal says what became of it.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from station.documents.manifest import INJECTED, INTERRUPTED, SIMULATED, EarlierAttempt, Manifest
@@ -44,8 +45,8 @@ def earlier_attempts(data: Path, runs: Sequence[RunRecord], serial: str) -> tupl
     for name in sorted({*created, *here, *traces, *told}, reverse=True):
         run = RunRecord(data / name) if name in here else traces.get(name, RunRecord(data / name))
         one = _attempt(run, serial, created.get(name), sealed.get(name))
-        if one is None and name in told and name not in here:
-            one = _as_removed(removed[name])
+        if name in removed and name not in here:
+            one = _as_removed(one, removed[name])
         if one is not None:
             found.append(one)
         if len(found) == MOST:
@@ -60,9 +61,15 @@ def _traces(data: Path, removed: Mapping[str, Entry]) -> dict[str, RunRecord]:
     return {run: RunRecord(trace) for run, trace in traces.items() if is_as_kept(trace, removed[run])}
 
 
-def _as_removed(line: Entry) -> EarlierAttempt:
+def _as_removed(one: EarlierAttempt | None, line: Entry) -> EarlierAttempt | None:
+    """Return an attempt with what the line of its removal says of it; one: what else is known, None for nothing."""
     said = line.fields
-    return EarlierAttempt(attempt=said["attempt"], run=said["run"], state=said["state"], verdict=said.get("verdict"))
+    if one is not None:
+        return one if one.aside is not None else replace(one, aside=said.get("aside"))
+    if not said.keys() >= TOLD:
+        return None
+    state, verdict, aside = said["state"], said.get("verdict"), said.get("aside")
+    return EarlierAttempt(attempt=said["attempt"], run=said["run"], state=state, verdict=verdict, aside=aside)
 
 
 def _in_chain(data: Path, serial: str) -> tuple[dict[str, Entry], dict[str, Entry]]:
@@ -95,7 +102,7 @@ def _attempt(run: RunRecord, serial: str, created: Entry | None, sealed: Entry |
             state=said["state"],
             verdict=said["verdict"],
             failed=_failed(run),
-            aside=None if manifest is None or _changed(run, said["sha256"]) else _aside(manifest),
+            aside=None if manifest is None or _changed(run, said["sha256"]) else aside_of(manifest),
         )
     if manifest is not None and (created is not None or manifest.serial == serial):
         attempt = manifest.attempt if created is None else created.fields["attempt"]
@@ -105,7 +112,7 @@ def _attempt(run: RunRecord, serial: str, created: Entry | None, sealed: Entry |
             state=manifest.state,
             verdict=manifest.verdict,
             failed=_failed(run),
-            aside=_aside(manifest),
+            aside=aside_of(manifest),
         )
     if created is None:
         return None
@@ -120,7 +127,8 @@ def _changed(run: RunRecord, sealed_sha256: str) -> bool:
         return True
 
 
-def _aside(manifest: Manifest) -> str | None:
+def aside_of(manifest: Manifest) -> str | None:
+    """Return why a run is no attempt at a real unit, None where it is one."""
     if manifest.scenario is not None:
         return INJECTED
     return SIMULATED if manifest.unit.virtual or clock_of(manifest.clock) == VIRTUAL else None

@@ -28,8 +28,7 @@ from station.documents.entries import plain
 from station.documents.reading import document_in
 from station.documents.signs import in_signs
 from station.errors import RecordError, StationError
-from station.records.chain.blocks import LARGEST_LINES
-from station.records.chain.chain_file import CHAIN
+from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import CREATED, entry_of
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
@@ -125,17 +124,22 @@ def below(data: Path) -> list[Path]:
     return [data / name for name in names if is_there(data / name / CHAIN)]
 
 
-def _refuse_while_on(data: Path) -> None:
-    """Refuse while a run, a recovery or a jog is on; what was left behind of the last two needs nobody.
+def not_concluded(data: Path) -> list[str]:
+    """Return the runs that were left behind and that nobody has concluded, oldest first.
 
     Every run is asked: one that was left behind may be of last year, and all of its files are read in a moment anyway.
     """
+    return [run.id for run in Store(data).runs() if _state(run) == NOT_CONCLUDED]
+
+
+def _refuse_while_on(data: Path) -> None:
+    """Refuse while a run, a recovery or a jog is on; what was left behind is kept as it is.
+
+    A run that cannot be concluded, as one whose samples are gone, must not keep all others out of a backup.
+    """
     for run in Store(data).newest_first():
-        if _state(run) in (RECORDING, NOT_CONCLUDED):
-            raise StationError(
-                f"run {run.id} is in progress, or was not concluded. Wait for its end, or run 'lostmotion conclude "
-                "--all'"
-            )
+        if _state(run) == RECORDING:
+            raise StationError(f"run {run.id} is in progress. End it, or wait for its end")
     for folder in below(data):
         for record in Store(folder).newest_first():
             if _state(record) == RECORDING:
@@ -156,9 +160,9 @@ def _written(data: Path, stream: Any, told: Callable[[int], None]) -> Kept:
     made, rows = now_text(), []
     # First of all: what is added behind a chain meanwhile is of records that are not in the list below.
     chains = {
-        path: read_file(path, LARGEST_LINES)
-        for path in (data / CHAIN, *(one / CHAIN for one in below(data)))
-        if is_there(path) is not False
+        folder / CHAIN: Chain(folder).content
+        for folder in (data, *below(data))
+        if is_there(folder / CHAIN) is not False
     }
     paths = list(_files(data))
     with tarfile.open(fileobj=stream, mode="w", format=tarfile.PAX_FORMAT) as archive:
@@ -291,7 +295,7 @@ def backed_up(file: Path) -> dict[str, str]:
 
 def _read(file: Path, into: Path) -> Kept:
     found, made = _looked_through(file, into)
-    chain = read_file(into / CHAIN, LARGEST_LINES) if CHAIN in found else b""
+    chain = Chain(into).content if CHAIN in found else b""
     return Kept(len(found), sum(size for size, _ in found.values()), made, _newest_in(chain))
 
 

@@ -25,6 +25,7 @@ from recipes.text.section import refusal
 from station.atomic_file import read_file, sync_folder
 from station.documents.manifest import MANIFEST, Manifest
 from station.errors import RecordError, StationError
+from station.records.attempts import aside_of
 from station.records.chain.entries import REMOVED
 from station.records.chain.writing import writing_to
 from station.records.clocks import VIRTUAL, clock_of
@@ -246,7 +247,7 @@ def _remove(data: Path, run: RunRecord, one: Planned, person: str, files: Mappin
     said = {"run": run.id, "serial": one.serial, "sha256": sha256, "rule": one.rule, "person": person, "trace": trace}
     old = {"attempt": manifest.attempt, "state": manifest.state, "verdict": manifest.verdict}
     with writing_to(data) as chain:
-        chain.append(REMOVED, **said, **(old if manifest.chain is None else {}))
+        chain.append(REMOVED, **said, aside=aside_of(manifest), **(old if manifest.chain is None else {}))
     try:
         shutil.rmtree(run.folder)
         sync_folder(data)

@@ -21,6 +21,7 @@ from station.bench.request import load_job
 from station.bench.virtual_unit import FIXED_SEED
 from station.cli.faults import faults as command_faults
 from station.cli.runs.replay import replay_run
+from virtual_bench.errors import VirtualBenchError
 from virtual_bench.faults.scenario import EXPECT_KINDS, OF_THE_RECORD, Expect, Never, Scenario
 
 ROOT = Path(__file__).parents[2]
@@ -74,6 +75,20 @@ def test_periods_are_missed_by_order_on_every_clock_but_the_wall(tmp_path):
     with pytest.raises(RecipeError, match="Leave --wall-clock out"):
         command_faults.run(path, command_faults.How(wires=True, wall_clock=True), as_json=False)
     assert command_faults.run(path, command_faults.How(), as_json=False) == 0
+
+
+def test_the_unit_of_a_scenario_is_for_recipes_of_its_model(tmp_path, capsys):
+    path = tmp_path / "guard.yaml"
+    path.write_text(
+        "scenario: {name: x}\nstart: {recipe: rv-40e-121-faults, unit: worn}\n"
+        "faults:\n  - {target: io.guard, verb: open, when: {state: home}}\nexpect:\n  - {final_state: fault}\n",
+        encoding="utf-8",
+    )
+    for recipe, unit in (("rv-40e-121-quick", "worn"), ("static-50nm", "S50")):
+        assert command_faults.run(path, command_faults.How(recipe, seed=FIXED_SEED), as_json=True) == 0
+        assert json.loads(capsys.readouterr().out)["unit"]["virtual"] == unit
+    with pytest.raises(VirtualBenchError, match="leave --unit out"):
+        command_faults.run(path, command_faults.How("static-50nm", "worn"), as_json=True)
 
 
 def test_a_run_in_virtual_time_is_kept_and_replays(tmp_path, capsys):

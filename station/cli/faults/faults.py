@@ -20,8 +20,16 @@ from faultlab.run import run_scenario
 from recipes import RecipeError, find_bench, load_bench
 from recipes.text.problems import Source
 from recipes.text.yaml_source import read_source
-from station.bench.assemble_virtual import check_clock, choose_unit, load_scenario, load_start, vocabulary_on
-from station.bench.request import find_profile, load_job
+from station.bench.assemble_virtual import (
+    catalogue_of,
+    check_clock,
+    choose_unit,
+    load_scenario,
+    load_start,
+    vocabulary_on,
+)
+from station.bench.request import Job, find_profile, load_job
+from station.bench.virtual_unit import VirtualUnit
 from station.cli.faults.scenario_result import say_result
 from station.cli.out_file import refuse_early, writing
 from station.errors import StationError
@@ -29,6 +37,7 @@ from station.records.clocks import VIRTUAL, Pacing
 from station.run.pacing import pacing_of
 from virtual_bench.faults.scenario import OF_THE_RECORD, Scenario
 from virtual_bench.faults.vocabulary import BY_NAME, FAULTS, NOT_BY_WALL_CLOCK, on_the_wire, only_over_wires
+from virtual_bench.physics.find_unit import find_unit
 
 
 def gateway(bench_name: str, scenario_path: Path) -> int:
@@ -107,7 +116,7 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
     scenario, source = load_scenario(path, vocabulary_on(job.bench, job.profile_sources)), read_source(path)
     pacing = pacing_of(job, scenario, wall_clock=how.wall_clock, fast=True) if how.wires else Pacing(VIRTUAL)
     _check_targets(source, path, scenario, pacing.clock)
-    chosen = choose_unit(how.unit or scenario.start.unit or None, job.recipe, how.seed)
+    chosen = _unit_of(how, scenario, job)
     rated_nm = job.recipe.unit_under_test.rated_torque_nm
     behind_gateway = not job.bench.bench.embedded
     if behind_gateway and not how.wires:
@@ -135,6 +144,18 @@ def run(path: Path, how: How, *, as_json: bool) -> int:
         on_bench = None if behind_gateway else chosen
         say_result(scenario, source, there.run, wrong, rated_nm=rated_nm, unit=on_bench, record=kept, as_json=as_json)
     return 1 if wrong else 0
+
+
+def _unit_of(how: How, scenario: Scenario, job: Job) -> VirtualUnit:
+    """Return the unit that is asked for, or that of the scenario, as far as it is of the recipe's model.
+
+    A scenario names it for its own recipe. Where another recipe is for another model, that one's good unit is taken.
+    """
+    unit = how.unit or scenario.start.unit or None
+    if unit is not None and how.unit is None and how.recipe is not None:
+        catalogue = catalogue_of(job.recipe)
+        unit = unit if find_unit(unit, catalogue).model == catalogue.model else None
+    return choose_unit(unit, job.recipe, how.seed)
 
 
 @contextmanager

@@ -19,7 +19,7 @@ from pathlib import Path
 from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
 from recipes import find_bench, load_bench
 from station.atomic_file import as_json
-from station.bench.request import Job, load_job, stored_job
+from station.bench.request import Job, stored_job, stored_job_on
 from station.cli.measure.run import EXIT_BENCH
 from station.documents.entries import left_out, plain
 from station.documents.events import Alarm, LeftState
@@ -116,7 +116,7 @@ def recover(
         raise StationError(
             "no terminal to answer in: run it in a terminal, or with --yes after you have checked the bench"
         )
-    job = stored_job(run) if bench is None else load_job(str(run.folder / RECIPE_COPY), bench)
+    job = stored_job(run) if bench is None else stored_job_on(run, bench)
     left = left_by(table)
     asked = _Signalled() if by_signal else _Said(_say_yes if yes else _typed)
     record = _create(data, run, job, left, None if operator is None else check_operator(operator))

@@ -8,16 +8,19 @@ from pathlib import Path
 
 from station.counted import counted
 from station.documents.entries import plain
-from station.records.backup import Kept, back_up, below, restore
+from station.records.backup import Kept, back_up, below, not_concluded, restore
 from station.records.verify import verify_folder
 from station.web.people import audit
 from station.web.people.database import FILE, StationDatabase
 
 EXIT_PROBLEMS = 1
 
+MOST = 20
+"""Problems, and runs that are not concluded, that are named."""
+
 
 def backup(file: Path, data: Path, *, as_json: bool) -> int:
-    """Write a data folder into a file; return 0, or 1 where the folder itself does not pass `verify`.
+    """Write a data folder into a file; return 0, or 1 where the folder does not pass `verify` or has an open run.
 
     Raises:
         StationError, RecordError: it cannot be made; nothing is left behind then.
@@ -27,7 +30,7 @@ def backup(file: Path, data: Path, *, as_json: bool) -> int:
 
 
 def restored(file: Path, data: Path, *, as_json: bool) -> int:
-    """Make a data folder of a backup; return 0, or 1 where the folder does not pass `verify`.
+    """Make a data folder of a backup; return 0, or 1 where the folder does not pass `verify` or has an open run.
 
     Raises:
         StationError, RecordError: the file is no whole backup, or the folder is not empty; nothing is left behind then.
@@ -40,6 +43,7 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
     found = verify_folder(data)
     others = {one.name: verify_folder(one) for one in below(data)}
     problems = [*found.problems, *(problem for one in others.values() for problem in one.problems)]
+    left = not_concluded(data)
     head = _audit_head(data)
     begun = list(found.walk.created)
     newer = len(begun) - begun.index(kept.reaches) - 1 if kept.reaches in begun else len(begun)
@@ -53,6 +57,7 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
             "chain_entries": found.walk.entries,
             "audit": None if head is None else {"lines": head.lines, "sha256": head.head_sha256},
             "passed": not problems,
+            "not_concluded": left,
         }
         sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
     else:
@@ -73,10 +78,12 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
             ),
             *([] if head is None else [f"audit trail: {head.lines} lines, head {head.head_sha256}"]),
             "every file has its recorded hash; 'verify' " + ("passed" if not problems else "finds problems:"),
-            *(f"  {problem.text}" for problem in problems[:20]),
+            *(f"  {problem.text}" for problem in problems[:MOST]),
+            *(f"run {run} is not concluded. Run 'lostmotion conclude {run}'" for run in left[:MOST]),
+            *([f"{len(left)} runs are not concluded. Run 'lostmotion conclude --all'"] if len(left) > MOST else []),
         ]
         sys.stdout.writelines(f"{line}\n" for line in lines)
-    return EXIT_PROBLEMS if problems else 0
+    return EXIT_PROBLEMS if problems or left else 0
 
 
 def _audit_head(data: Path) -> audit.Head | None:

@@ -80,7 +80,7 @@ def backup(
 ) -> None:
     """Write a data folder into one file: runs, chain, accounts and audit trail, each with its hash.
 
-    Exit code: 0, 1 when the folder itself does not pass 'verify', 2 when no backup was made.
+    Exit code: 0, 1 when the folder itself does not pass 'verify' or a run is not concluded, 2 when no backup was made.
     """
     from station.cli.store import backup as command_backup
 

@@ -18,7 +18,7 @@ LARGEST_LINES = 1 << 30
 
 
 ROOM_TO_CONCLUDE = 1 << 20
-"""Bytes before that end which are for the conclusions of runs: none is begun there."""
+"""Bytes before that end which are for the conclusions of runs: none is begun or removed there."""
 
 
 def lines_bytes(file: BinaryIO, path: Path) -> int:
@@ -32,7 +32,7 @@ def refuse_larger(size: int, path: Path, most: int = LARGEST_LINES) -> None:
     """Raise RecordError where a file of lines is larger than the largest that is read, or than `most`."""
     if size > most:
         raise RecordError(
-            f"{path}: this file is too large: it has {size} bytes; allowed are {most >> 20} MiB. Restore it from a "
+            f"{path}: this file is too large: {size} bytes; allowed are {most >> 20} MiB. Restore it from a "
             "backup if others wrote to it, or choose another data folder with --data"
         )
 

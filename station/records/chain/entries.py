@@ -60,13 +60,14 @@ FIELDS: dict[str, tuple[str, ...]] = {
 
 LEFT_OUT: dict[str, tuple[str, ...]] = {
     CREATED: ("files", "clock_right"),
-    REMOVED: ("attempt", "state", "verdict"),
+    REMOVED: ("attempt", "state", "verdict", "aside"),
 }
 """What an entry of a kind has where there is something to say.
 
 files: SHA-256 of the run's program and of each of its device profiles, by name. Older lines do not have it.
 clock_right: why the clock is right, though entries before this one are later. Of them none counts as later behind it.
 attempt, state, verdict: of a run from before the chain whose record a rule has removed: no other line tells them.
+aside: why the run that was removed is no attempt at a real unit: only its record told it.
 """
 
 _TEXTS = (
@@ -88,6 +89,7 @@ _TEXTS = (
     "clock_right",
     "rule",
     "trace",
+    "aside",
 )
 _NUMBERS = ("counter", "attempt", "first", "last", "revision", "step")
 _BEFORE: dict[str, type] = {"bytes": int, "sha256": str, "unconcluded": list}

@@ -22,7 +22,7 @@ from station.documents.manifest import MANIFEST, ChainPlace
 from station.errors import RecordError
 from station.records.chain.blocks import LARGEST_LINES, ROOM_TO_CONCLUDE, refuse_larger
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, TAIL_BYTES, Chain, put_created_in_place, tail
-from station.records.chain.entries import CREATED, LOST, START, Entry, entry_of, signed_entry
+from station.records.chain.entries import CREATED, LOST, SEALED, START, Entry, entry_of, signed_entry
 from station.records.chain.folder_lock import held
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
@@ -30,6 +30,9 @@ from station.records.chain.old_index import before_the_chain
 from station.records.chain.walk import follows, trust_of
 from station.there import is_there
 from station.wall_clock import now_text
+
+CONCLUDES = (SEALED, LOST)
+"""Kinds of entries that may take the room at the end of the file: without them a run that was begun has no end."""
 
 
 class ChainWriter:
@@ -84,8 +87,8 @@ class ChainWriter:
         """Add one entry and flush it to the disk; return it.
 
         Raises:
-            RecordError: the disk refuses it, and what it took of it is taken back; or the counter or, where a run is
-                begun, the file has come to its end.
+            RecordError: the disk refuses it, and what it took of it is taken back; or the counter or the file has come
+                to its end, which for all but `CONCLUDES` is before the room for these.
 
         """
         counter, previous = (0, "") if self.last is None else (self.last.counter, self.last.sha256)
@@ -94,8 +97,8 @@ class ChainWriter:
         try:
             handle = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC, 0o644)
             try:
-                if kind == CREATED:
-                    refuse_larger(os.fstat(handle).st_size, self.path, LARGEST_LINES - ROOM_TO_CONCLUDE)
+                most = LARGEST_LINES if kind in CONCLUDES else LARGEST_LINES - ROOM_TO_CONCLUDE
+                refuse_larger(os.fstat(handle).st_size + len(entry.line) + len(b"\n\n"), self.path, most)
                 _append_to(handle, entry.line + b"\n")
             finally:
                 os.close(handle)

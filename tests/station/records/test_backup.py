@@ -251,13 +251,22 @@ def test_there_is_no_backup_while_a_run_is_on(data: Path, tmp_path: Path) -> Non
     on.lock.close()
 
 
-def test_a_run_that_was_left_behind_long_ago_is_noticed(data: Path, tmp_path: Path) -> None:
+def test_a_run_that_was_left_behind_long_ago_is_named_and_keeps_no_other_out(data: Path, tmp_path: Path) -> None:
     left = Store(data).create("U9", SETUP, {})
     left.update(desk={"pid": 999_999, "birth": "gone"})
+    left.samples.unlink()  # so that nobody can conclude it
     for _ in range(6):
         store_run(data, "U8", [metric(0.5)])
-    with pytest.raises(StationError, match=left.id):
-        back_up(data, tmp_path / "backup.tar")
+    made = here("backup", str(tmp_path / "b.tar"), "--data", str(data), "--json")
+    assert (made.exit_code, made.json["passed"], made.json["not_concluded"]) == (1, True, [left.id])
+    back = here("restore", str(tmp_path / "b.tar"), "--data", str(tmp_path / "again"))
+    assert back.exit_code == 1
+    assert f"conclude {left.id}" in back.out
+    assert content(tmp_path / "again") == content(data)
+    assert left.lock.take()
+    with pytest.raises(StationError, match=left.id):  # somebody concludes it now
+        back_up(data, tmp_path / "c.tar")
+    left.lock.close()
 
 
 @pytest.mark.parametrize("folder", ["jogs", "recoveries"])

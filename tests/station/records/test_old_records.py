@@ -17,10 +17,12 @@ from lostmotion_command import ROOT, here
 from old_runs import CONCLUDED, NAMES, run_of, unpack, with_channels
 
 from definitions.image import IMAGE_FIELDS
+from recipes import RecipeError, load_bench
+from station.bench.request import as_written, load_job, stored_job, stored_job_on
 from station.documents.reading import of_plain
 from station.errors import RecordError
 from station.records.program_file import ProgramEntries, StoredProgram
-from station.records.run_record import RunRecord
+from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
 from station.records.samples.layout import CURRENT, Channel, Layout, layout_in
 from station.records.samples.packed import column_name
 from station.records.samples.samples import read_samples
@@ -282,3 +284,23 @@ def test_a_program_says_what_is_missing_in_it() -> None:
         _ = program.segments
     with pytest.raises(RecordError, match=r"segments\[0\].role: is missing.*direction: is missing.*cycle: is missing"):
         of_plain(ProgramEntries, {"segments": [{"index": 0}]}, place)
+
+
+def test_copies_with_an_empty_option_open_and_no_run_is_begun_by_such_a_recipe(quick_run: Any, tmp_path: Path) -> None:
+    run = RunRecord(quick_run.copy(tmp_path / "runs"))
+    for name, section, option in ((RECIPE_COPY, "decision", "guard_factor"), (BENCH_COPY, "bench", "public_key")):
+        path = run.folder / name
+        text, found = re.subn(rf"(?m)^{section}:$", f"{section}:\n  {option}:", path.read_text(encoding="utf-8"))
+        assert found == 1
+        path.write_text(text, encoding="utf-8")
+    recipe, bench = (str(run.folder / name) for name in (RECIPE_COPY, BENCH_COPY))
+    assert stored_job(run).recipe == stored_job_on(run, bench).recipe
+    assert load_bench(bench) == as_written(Path(bench)).bench() == stored_job(run).bench
+    with pytest.raises(RecipeError) as refused:
+        load_job(recipe, bench)
+    assert [one.option for one in refused.value.problems] == ["decision.guard_factor"]
+    written = tmp_path / BENCH_COPY  # no run beside it
+    shutil.copy(bench, written)
+    for load in (load_bench, as_written, lambda path: stored_job_on(run, str(path))):
+        with pytest.raises(RecipeError, match="public_key"):
+            load(written)

@@ -13,6 +13,7 @@ from chain_folders import a_key, another_computer, folder, lines, write
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
+from station.documents.manifest import INJECTED, SIMULATED
 from station.records.chain.chain_file import CHAIN
 from station.records.chain.entries import REMOVED, signed_entry
 from station.records.chain.keys import FOLDER_KEYS
@@ -96,6 +97,24 @@ def test_a_run_from_before_the_chain_that_a_rule_has_removed_is_not_missing(old:
     shutil.rmtree(lost)
     with look_at(old) as view:
         assert [(one.kind, one.run) for one in view.problems] == [("missing", lost.name)]
+
+
+@pytest.mark.parametrize("before_the_chain", [True, False])
+def test_what_set_a_removed_attempt_aside_is_told_by_its_removal(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, *, before_the_chain: bool
+) -> None:
+    gone = [store_run(data, "Z", [metric(0.4)], scenario="x").folder, store_run(data, "Z", [], virtual="P1").folder]
+    if before_the_chain:
+        old_folder(data)
+        another_computer(monkeypatch, tmp_path)
+    store_run(data, "Z", [metric(0.4)])
+    told = Store(data).attempts_of("Z")
+    assert [one.aside for one in told] == [INJECTED, SIMULATED, None]
+    wanted = [Planned(one.name, "Z", "r", "nothing", days=9, bytes=9) for one in gone]
+    files = {one.relative_to(data).as_posix(): fingerprint(one).sha256 for one in data.rglob("*") if one.is_file()}
+    assert len(apply(data, wanted, files, "A. Tester").removed) == len(gone)
+    assert Store(data).attempts_of("Z") == told
+    assert verify_folder(data).problems == []
 
 
 def test_an_attempt_from_before_the_chain_that_left_no_trace_is_told_by_its_removal(old: Path) -> None:

@@ -18,8 +18,9 @@ from stored_runs import metric, store_run
 from station.errors import RecordError
 from station.records.chain.blocks import LARGEST_LINES
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
-from station.records.chain.entries import entry_of
+from station.records.chain.entries import REMOVED, entry_of
 from station.records.chain.walk import walk
+from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.records.process_birth import process_birth
 from station.records.run_record import RunRecord
@@ -152,8 +153,11 @@ def test_a_unit_that_is_measured_while_a_folder_is_verified_is_no_problem(
     assert (found.runs, found.concluded) == (4, 3)
 
 
-@pytest.mark.parametrize("command", [("list",), ("show", "A"), ("verify",), ("store", "rebuild")])
-def test_a_chain_beyond_all_bounds_is_named_and_not_read(data: Path, command: tuple[str, ...]) -> None:
+@pytest.mark.parametrize("command", [("list",), ("show", "A"), ("verify",), ("store", "rebuild"), ("backup", "b.tar")])
+def test_a_chain_beyond_all_bounds_is_named_and_not_read(
+    data: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]
+) -> None:
+    monkeypatch.chdir(data.parent)  # where a backup would be
     os.truncate(data / CHAIN, LARGEST_LINES + 1)  # takes no room on the disk
     ran = here(*command, "--data", str(data))
     assert ran.exit_code == 2
@@ -163,13 +167,18 @@ def test_a_chain_beyond_all_bounds_is_named_and_not_read(data: Path, command: tu
 
 
 def test_a_run_that_was_begun_has_room_for_its_conclusion(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = Store(data).create("D", SETUP, {})
-    monkeypatch.setattr("station.records.chain.writing.LARGEST_LINES", (data / CHAIN).stat().st_size + 9)
-    monkeypatch.setattr("station.records.chain.writing.ROOM_TO_CONCLUDE", 10)
+    run, other = Store(data).create("D", SETUP, {}), Store(data).create("F", SETUP, {})
+    monkeypatch.setattr("station.records.chain.writing.LARGEST_LINES", (data / CHAIN).stat().st_size + 1000)
+    monkeypatch.setattr("station.records.chain.writing.ROOM_TO_CONCLUDE", 1000)
     with pytest.raises(RecordError, match="too large"):
         Store(data).create("E", SETUP, {})
+    with pytest.raises(RecordError, match="too large"), writing_to(data) as chain:
+        chain.append(REMOVED, run=run.id, serial="D", sha256="0", rule="r", person="p", trace="")
     seal(run, state="complete", verdict="PASS")
-    assert [one.id for one in Store(data).runs()][-1] == run.id
+    assert [one.id for one in Store(data).runs()][-2] == run.id
+    monkeypatch.setattr("station.records.chain.writing.LARGEST_LINES", (data / CHAIN).stat().st_size + 9)
+    with pytest.raises(RecordError, match="too large"):  # or nobody could read the file any more
+        seal(other, state="complete", verdict="PASS")
 
 
 @pytest.mark.parametrize("ended", [True, False])

@@ -245,6 +245,19 @@ def test_what_another_bench_has_concluded_stays_for_it(
     assert finish_seal(run)
 
 
+def test_what_another_bench_has_concluded_is_not_made_open(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    another_computer(monkeypatch, tmp_path)
+    run = store_run(data, "D", [metric(2.0)], failed="lost_motion")
+    opened = {name: said for name, said in run.read_json("run.json").items() if name != "files"}
+    run.write_json("run.json", opened | {"state": "interrupted", "verdict": None})
+    for place in ("another", "place"):
+        another_computer(monkeypatch, tmp_path, place)
+        assert alterations(run)
+        assert [one.run for one in verify_folder(data).problems if one.kind == "altered"] == [run.id]
+
+
 def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path) -> None:
     write(data, [*lines(data), unsigned(data)])
     end = last(data)

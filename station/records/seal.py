@@ -189,9 +189,9 @@ def finish_seal(record: RunRecord) -> bool:
     return True
 
 
-def _vouched(chain: Chain, run: str) -> list[str]:
+def _vouched(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> list[str]:
     """Return the hashes of run.json that the folder vouches for: by a line that counts, or the index before it."""
-    signed = [entry.fields["sha256"] for entry in _that_count(chain, run)]
+    signed = [entry.fields["sha256"] for entry in _that_count(chain, run, trusted)]
     kept = index_kept(chain.data, chain.before) if chain.there else index_content(chain.data)
     return signed + [str(line.sha256) for line in index_lines(kept or b"", run)]
 
@@ -263,8 +263,7 @@ def alterations(
     manifest = record.manifest()
     if not is_sealed(manifest):
         chain = chain or Chain(data_folder(record))
-        counting = (one.fields["sha256"] for one in _that_count(chain, record.id, trusted))
-        kept = {*counting, *_sealed_elsewhere(chain, record.id, trusted)}
+        kept = {*_vouched(chain, record.id, trusted), *_sealed_elsewhere(chain, record.id, trusted)}
         if not kept or _waits_for_its_name(record, kept):
             return ()
         manifest = record.manifest()  # it may have got its name since

@@ -69,8 +69,9 @@ def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Ro
     signers = {one.key for one in (created, sealed, start) if one is not None}  # whom to trust is asked by who looks
     try:
         manifest = run.manifest()
-        concluded = sealed is not None or is_sealed(manifest)
         altered = alterations(run, samples=samples, chain=chain, trusted=frozenset(signers))
+        # One that is altered although it is open was concluded: the index from before the chain says so.
+        concluded = sealed is not None or is_sealed(manifest) or bool(altered)
         if sealed is not None and not is_sealed(manifest):
             altered = altered or (_not_in_place(run),)
         result = run.read(Result, RESULT) if concluded and not altered else None

@@ -29,6 +29,7 @@ from station.records.run_record import RunRecord
 from station.records.seal import CONCLUDED, alterations, finish_seal, seal
 from station.records.verify import verify_folder
 from station.run.run_list import row
+from station.store.view import look_at
 
 RUN = "20260105T090000.000Z-Z"
 HUGE = 1 << 70
@@ -227,6 +228,9 @@ def test_a_line_of_a_foreign_key_concludes_no_run(data: Path) -> None:
     assert not run.has(CONCLUDED)
     assert (row(run).state, row(run).verdict) == ("recording", None)
     assert alterations(run) == ()
+    with look_at(data) as view:
+        assert view.open == [run.id]
+        assert [one.kind for one in view.problems] == [one.kind for one in verify_folder(data).problems]
 
 
 def test_what_another_bench_has_concluded_stays_for_it(

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 from station.documents.manifest import MANIFEST, ChainPlace, Manifest
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
-from station.records.chain.entries import CREATED, Entry
+from station.records.chain.entries import CREATED, REMOVED, SEALED, Entry
 from station.records.chain.lookup import entries_of_run
 from station.records.chain.walk import candidates
 from station.records.program_file import PROGRAM
@@ -42,8 +42,25 @@ def begun_and_left(data: Path, names: Iterable[str]) -> Entry | None:
     Its run.json waits for its name, so nobody finds it as a run before it is concluded, or the next one is begun.
     """
     waiting = (name for name in names if is_there(data / name / CREATED_MANIFEST))
-    lines = (one for name in waiting if not is_there(data / name / MANIFEST) for one in entries_of_run(data, name))
-    return next((one for one in lines if one.kind == CREATED), None)
+    found = (entries_of_run(data, name) for name in waiting if not is_there(data / name / MANIFEST))
+    return next((line for lines in found if (line := _one_of(lines, CREATED)) and not _has_ended(lines)), None)
+
+
+def concluded_and_lost(data: Path, names: Iterable[str]) -> Entry | None:
+    """Return the line, which counts, that concluded the first of these folders whose run.json is gone.
+
+    Nobody finds it as a run, whatever else lies there. What a rule has removed is not lost.
+    """
+    found = (entries_of_run(data, name) for name in names if is_there(data / name / MANIFEST) is False)
+    return next((line for lines in found if (line := _one_of(lines, SEALED)) and not _one_of(lines, REMOVED)), None)
+
+
+def _has_ended(lines: Iterable[Entry]) -> bool:
+    return any(one.kind in (SEALED, REMOVED) for one in lines)
+
+
+def _one_of(lines: Iterable[Entry], kind: str) -> Entry | None:
+    return next((one for one in lines if one.kind == kind), None)
 
 
 def is_named_by(manifest: Manifest, chain: Chain, created: Entry) -> bool:

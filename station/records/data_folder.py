@@ -24,18 +24,19 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import beginning_of, begun_and_left, is_begun_with
+from station.records.begun_by import beginning_of, begun_and_left, concluded_and_lost, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED, Entry
 from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
-from station.records.folder_check import is_from_here, runs_before
+from station.records.folder_check import about_concluded, is_from_here, runs_before
 from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RECORDING, RunRecord
 from station.records.samples.layout import CURRENT, LAYOUT
+from station.records.seal import RESTORE
 from station.there import is_folder, is_there
 from station.wall_clock import WALL_CLOCK, now_text
 
@@ -359,6 +360,7 @@ class Store:
         if is_folder(Path(name)) and not exact and not by_serial:
             raise StationError(f"{name}: this folder is not a run: it has no {MANIFEST}. See 'lostmotion list'")
         newest = next((one for one in reversed(names) if self._is_run(one)), None)
+        self._refuse_lost(name, names, newest or "", of_serial=by_serial[-1].id if by_serial else "")
         self._refuse_begun(name, names, newest or "", by_part=not (exact or by_serial))
         archived = [] if name == "last" or exact or by_serial else only_archived(self.data, name)
         if archived and not any(name in one and self._is_run(one) for one in names):
@@ -384,6 +386,24 @@ class Store:
                 f"{name}: the ids of {len(by_part)} runs contain this: {ids}. Give more characters of the run id"
             )
         raise StationError(f"{name}: no such run in {self.data}; the newest run is {newest}. See 'lostmotion list'")
+
+    def _refuse_lost(self, name: str, names: list[str], newest: str, *, of_serial: str) -> None:
+        """Raise StationError where a name is that of a run that was concluded, and whose run.json is gone.
+
+        of_serial: the newest run of the serial number that the name is; '' where it is the name of none.
+        """
+        if name == "last":
+            meant = [one for one in names if one > newest]
+        elif of_serial:
+            meant = [one for one in names if one > of_serial and one.endswith(f"-{_folder_name(name)}")]
+        else:
+            meant = [one for one in names if name in one]
+        line = concluded_and_lost(self.data, (one for one in reversed(meant) if moment_of(one) is not None))
+        if line is not None and (not of_serial or line.fields["serial"] == name):
+            run, said = line.fields["run"], about_concluded(line)
+            raise StationError(
+                f"run {run}: {said}; its {MANIFEST} is missing, and {CHAIN} has the run as concluded. {RESTORE}"
+            )
 
     def _refuse_begun(self, name: str, names: list[str], newest: str, *, by_part: bool) -> None:
         """Raise StationError where a name is that of the one run behind the newest that was begun and nothing more."""

@@ -113,8 +113,13 @@ def about_run(found: Walk, run: str) -> str:
     """Return what the chain says of a run, for a person who looks for it."""
     sealed, created = found.sealed.get(run), found.created.get(run)
     if sealed:
-        return f"{_unit(sealed[-1])}, {sealed[-1].fields['verdict'] or sealed[-1].fields['state']}"
+        return about_concluded(sealed[-1])
     return f"{_unit(created)}, not concluded" if created is not None else "from before the chain"
+
+
+def about_concluded(sealed: Entry) -> str:
+    """Return what the line that concludes a run says of it, as `about_run`."""
+    return f"{_unit(sealed)}, {sealed.fields['verdict'] or sealed.fields['state']}"
 
 
 def _unit(entry: Entry) -> str:

@@ -182,25 +182,30 @@ def finish_seal(record: RunRecord) -> bool:
             read_from_disk(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
     found, chain = fingerprint(record.folder / CONCLUDED).sha256, Chain(data)
     if found not in _vouched(chain, record.id):
-        if not _is_of_another_bench(chain, record.id, found):
+        if found not in _sealed_elsewhere(chain, record.id):
             record.remove(CONCLUDED)
         return False
     _put_in_place(record)
     return True
 
 
-def _vouched(chain: Chain, run: str) -> list[str]:
+def _vouched(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> list[str]:
     """Return the hashes of run.json that the folder vouches for: by a line that counts, or the index before it."""
-    signed = [entry.fields["sha256"] for entry in _that_count(chain, run)]
+    signed = [entry.fields["sha256"] for entry in _that_count(chain, run, trusted)]
     kept = index_kept(chain.data, chain.before) if chain.there else index_content(chain.data)
     return signed + [str(line.sha256) for line in index_lines(kept or b"", run)]
 
 
-def _is_of_another_bench(chain: Chain, run: str, found: str) -> bool:
-    """Whether a run was begun and sealed, with this hash of its run.json, by keys that do not count here."""
-    sealed = any(one.signed and one.fields["sha256"] == found for one in _sealed_entries(chain, run))
-    created = beginning_of(chain, run) if sealed else None
-    return created is not None and created.key not in trust_of(chain).keys
+def _sealed_elsewhere(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> list[str]:
+    """Return the hashes of run.json by which another bench sealed a run that it began; none of a run that counts.
+
+    Its lines make no verdict true here, but they tell that there was one.
+    """
+    signed = [one for one in _sealed_entries(chain, run) if one.signed]
+    created = beginning_of(chain, run, trusted) if signed else None
+    if created is None or created.key in (trust_of(chain).keys if trusted is None else trusted):
+        return []
+    return [one.fields["sha256"] for one in signed]
 
 
 def _that_count(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> list[Entry]:
@@ -258,7 +263,7 @@ def alterations(
     manifest = record.manifest()
     if not is_sealed(manifest):
         chain = chain or Chain(data_folder(record))
-        kept = {one.fields["sha256"] for one in _that_count(chain, record.id, trusted)}
+        kept = {*_vouched(chain, record.id, trusted), *_sealed_elsewhere(chain, record.id, trusted)}
         if not kept or _waits_for_its_name(record, kept):
             return ()
         manifest = record.manifest()  # it may have got its name since

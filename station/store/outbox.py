@@ -130,7 +130,11 @@ def put_runs(database: Database, chain: Chain, runs: Collection[str], *, samples
     for begin in range(0, len(names), BATCH):
         with database.writing() as connection:
             folders = [RunRecord(chain.data / name) for name in names[begin : begin + BATCH]]
-            rows = {run.id: rows_of(run, chain, samples=samples) if run.has(MANIFEST) else {} for run in folders}
+            # What a run was whose run.json is gone, the chain still says: only one that it does not name is forgotten.
+            rows = {
+                run.id: rows_of(run, chain, samples=samples) if run.has(MANIFEST) or chain.entries_of(run.id) else {}
+                for run in folders
+            }
             put_runs_apart(connection, chain, rows)
 
 

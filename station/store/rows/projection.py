@@ -21,9 +21,9 @@ from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import CREATED, SEALED, Entry
 from station.records.chain.head import chain_seen_in
-from station.records.chain.walk import candidates
+from station.records.chain.walk import candidates, trust_of
 from station.records.run_record import CALIBRATION, MANIFEST, RESULT, RunRecord
-from station.records.seal import NO_RESULT, NOT_READ, alterations, is_sealed, names_to_seal
+from station.records.seal import CONCLUDED, NO_RESULT, NOT_READ, alterations, is_sealed, names_to_seal
 from station.reports.headline import manifest_badges, objection, virtual_badges
 from station.store import tables
 from station.store.plant.hours import COMPLETE, FAIL, UNDECIDED, count_hours, hour_of
@@ -65,12 +65,15 @@ def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
 def _rows_and_unread(run: RunRecord, chain: Chain, *, samples: bool) -> tuple[Rows, bool]:
     """Return the rows of a run, and whether some file of it could not be read."""
     created, sealed = _entries_of(run, chain)
-    name, start = chain.id, chain.start
-    signers = {one.key for one in (created, sealed, start) if one is not None}  # whom to trust is asked by who looks
+    name, start, waits = chain.id, chain.start, run.has(CONCLUDED)
     try:
         manifest = run.manifest()
-        concluded = sealed is not None or is_sealed(manifest)
+        if not waits and not is_sealed(manifest) and _is_strange(chain, created, sealed):
+            sealed = None
+        signers = {one.key for one in (created, sealed, start) if one is not None}  # whom to trust asks who looks
         altered = alterations(run, samples=samples, chain=chain, trusted=frozenset(signers))
+        # One that is altered although it is open was concluded: the index from before the chain says so.
+        concluded = sealed is not None or is_sealed(manifest) or bool(altered)
         if sealed is not None and not is_sealed(manifest):
             altered = altered or (_not_in_place(run),)
         result = run.read(Result, RESULT) if concluded and not altered else None
@@ -92,6 +95,17 @@ def _entries_of(run: RunRecord, chain: Chain) -> tuple[Entry | None, Entry | Non
         for kind in (CREATED, SEALED)
     ]
     return found[0], found[1]
+
+
+def _is_strange(chain: Chain, created: Entry | None, sealed: Entry | None) -> bool:
+    """Whether a run was concluded by a line of a key that does not count, and begun by one of a key that does.
+
+    Anybody can write it: of a run that is open by its run.json it says nothing.
+    """
+    if created is None or sealed is None or created.key == sealed.key:
+        return False
+    keys = trust_of(chain).keys
+    return created.key in keys and sealed.key not in keys
 
 
 def waits_for_its_name(text: str) -> bool:

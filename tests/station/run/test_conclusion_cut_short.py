@@ -16,6 +16,7 @@ from lostmotion_command import here
 from run_copies import desert
 from run_samples import recorded
 from station_samples import SETUP
+from stored_runs import metric, store_run
 
 import station.records.seal
 import station.run.conclusion
@@ -221,6 +222,21 @@ def test_a_run_that_was_killed_behind_its_first_line_is_named_to_who_looks(
     assert [store.find(one.id).id for one in others] == [one.id for one in others]
     (tmp_path / CHAIN).unlink()
     assert f"lostmotion conclude {run.id}" not in here("show", asked, "--data", str(tmp_path)).err
+
+
+@pytest.mark.parametrize("command", ["show", "conclude"])
+@pytest.mark.parametrize("asked", ["SN-1", "last", "Z-SN-"])
+@pytest.mark.parametrize("left", [True, False])
+def test_a_concluded_run_whose_manifest_is_gone_is_not_one_that_was_only_begun(
+    tmp_path: Path, command: str, asked: str, *, left: bool
+) -> None:
+    store_run(tmp_path, "SN-1", [metric(0.4)])
+    run = store_run(tmp_path, "SN-1", [metric(2.0)], failed="lost_motion")
+    (run.folder / MANIFEST).rename(run.folder / (CREATED_MANIFEST if left else "aside"))
+    ran = here(command, asked, "--data", str(tmp_path))
+    assert ran.exit_code == 2
+    assert f"{run.id}: attempt 2 of unit SN-1, FAIL" in ran.err
+    assert f"lostmotion conclude {run.id}" not in ran.err
 
 
 def test_in_a_folder_that_is_not_there_nothing_is_concluded(tmp_path: Path) -> None:

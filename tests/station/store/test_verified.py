@@ -10,7 +10,7 @@ from lostmotion_command import here
 from sqlalchemy import select
 from stored_runs import metric, store_run
 
-from station.records.run_record import PACKED, RunRecord
+from station.records.run_record import MANIFEST, PACKED, RunRecord
 from station.records.verify import verify_folder
 from station.store.places import FILE
 from station.store.tables import RUNS
@@ -54,6 +54,15 @@ def test_an_altered_run_counts_no_more_behind_verify_and_again_when_it_is_restor
     file.write_bytes(before)
     assert here("verify", "--data", str(data)).exit_code == 0
     assert tried(data) == 4
+
+
+def test_a_run_whose_manifest_is_gone_is_not_forgotten(data: Path) -> None:
+    lost = store_run(data, "BAD", [metric(2.0)], failed="lost_motion")
+    (lost.folder / MANIFEST).unlink()
+    before = here("list", "--data", str(data), "--json").json
+    assert lost.id in [one["run"] for one in before]
+    assert here("verify", "--data", str(data)).exit_code == 1
+    assert here("list", "--data", str(data), "--json").json == before
 
 
 def test_two_runs_that_have_exchanged_names_count_no_more(data: Path) -> None:

@@ -29,6 +29,7 @@ from station.records.run_record import RunRecord
 from station.records.seal import CONCLUDED, alterations, finish_seal, seal
 from station.records.verify import verify_folder
 from station.run.run_list import row
+from station.store.view import look_at
 
 RUN = "20260105T090000.000Z-Z"
 HUGE = 1 << 70
@@ -227,6 +228,9 @@ def test_a_line_of_a_foreign_key_concludes_no_run(data: Path) -> None:
     assert not run.has(CONCLUDED)
     assert (row(run).state, row(run).verdict) == ("recording", None)
     assert alterations(run) == ()
+    with look_at(data) as view:
+        assert view.open == [run.id]
+        assert [one.kind for one in view.problems] == [one.kind for one in verify_folder(data).problems]
 
 
 def test_what_another_bench_has_concluded_stays_for_it(
@@ -243,6 +247,19 @@ def test_what_another_bench_has_concluded_stays_for_it(
     assert run.has(CONCLUDED)
     another_computer(monkeypatch, tmp_path)
     assert finish_seal(run)
+
+
+def test_what_another_bench_has_concluded_is_not_made_open(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    another_computer(monkeypatch, tmp_path)
+    run = store_run(data, "D", [metric(2.0)], failed="lost_motion")
+    opened = {name: said for name, said in run.read_json("run.json").items() if name != "files"}
+    run.write_json("run.json", opened | {"state": "interrupted", "verdict": None})
+    for place in ("another", "place"):
+        another_computer(monkeypatch, tmp_path, place)
+        assert alterations(run)
+        assert [one.run for one in verify_folder(data).problems if one.kind == "altered"] == [run.id]
 
 
 def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path) -> None:

@@ -139,3 +139,16 @@ def test_an_open_run_from_before_the_chain_can_be_concluded(old: Path) -> None:
     seal(run, state="complete", verdict="FAIL")
     assert verify_folder(old).problems == []
     assert run.manifest().verdict == "FAIL"
+
+
+@pytest.mark.parametrize("chained", [True, False])
+def test_a_run_that_the_index_has_as_concluded_is_not_made_open(old: Path, *, chained: bool) -> None:
+    if chained:
+        store_run(old, "D", [metric(0.4)])
+    run = Store(old).runs()[0]
+    opened = {name: said for name, said in run.read_json("run.json").items() if name != "files"}
+    run.write_json("run.json", opened | {"state": "interrupted", "verdict": None})
+    with look_at(old) as view:
+        assert [(one.kind, one.run) for one in view.problems] == [("altered", run.id)]
+    assert [(one.kind, one.run) for one in verify_folder(old).problems] == [("altered", run.id)]
+    assert (row(run).state, row(run).verdict) == ("altered", None)

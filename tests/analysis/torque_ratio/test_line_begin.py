@@ -61,10 +61,41 @@ def test_a_bounce_is_left_out_and_as_much_again_as_it_fell_back() -> None:
 
 @pytest.mark.parametrize(
     ("at", "top", "bottom"),
-    [(0.1, 0.1 + 0.5 * FELL_BACK, 0.1), (BY_HALF, BY_HALF + 0.1, BY_HALF + 0.05)],
+    [
+        (0.1, 0.1 + 0.5 * FELL_BACK, 0.1),
+        (BY_HALF, BY_HALF + 0.1, BY_HALF + 0.05),
+        (0.2, BY_HALF - 0.02, BY_HALF - 0.08),
+    ],
 )
-def test_a_ripple_and_what_falls_back_under_load_move_no_line(at: float, top: float, bottom: float) -> None:
+def test_a_ripple_and_what_is_over_beyond_half_of_the_peak_move_no_line(at: float, top: float, bottom: float) -> None:
+    """A bounce is taken off as a whole: of the last a line began at half of the peak, in the middle of it."""
     assert fitted(bounced(at, top, bottom)).begins_nm == {}
+
+
+@pytest.mark.parametrize("seen", ["steps", "sags", "drops out", "spikes"])
+@pytest.mark.parametrize("share", [0.015, 0.1])
+def test_what_falls_without_a_leap_before_it_moves_no_line(seen: str, share: float) -> None:
+    """It took the lower part of the branch off the line, and with it the sight of what the sensor did there."""
+    torque = GOOD.torque_out_nm.copy()
+    for run in CALIBRATION:
+        rows = np.concatenate([np.arange(piece.start, piece.stop) for piece in run.pieces])
+        beyond = rows[run.direction * torque[rows] > 0.2 * PEAK_NM]
+        lost, sizes = {
+            "steps": (beyond, 1.0),
+            "sags": (beyond[:50], np.sin(np.linspace(0.0, np.pi, beyond[:50].size))),
+            "drops out": (beyond[:2], 1.0),
+            "spikes": (beyond[:2], -1.0),
+        }[seen]
+        torque[lost] -= run.direction * share * PEAK_NM * sizes
+    assert fitted(dataclasses.replace(GOOD, torque_out_nm=torque)).begins_nm == {}
+
+
+@pytest.mark.parametrize("held", [3, 5, 8])
+def test_a_noise_that_is_held_over_some_scans_is_no_bounce(held: int) -> None:
+    """Its neighbours are alike, so its second differences show less of it than there is."""
+    noise = np.random.default_rng(held).normal(0.0, 0.003 * PEAK_NM, GOOD.torque_out_nm.size // held + 1)
+    held_nm = np.repeat(noise, held)[: GOOD.torque_out_nm.size]
+    assert fitted(dataclasses.replace(GOOD, torque_out_nm=GOOD.torque_out_nm + held_nm)).begins_nm == {}
 
 
 def test_noise_is_no_bounce_and_hides_none() -> None:

@@ -6,13 +6,15 @@ import dataclasses
 
 import numpy as np
 import pytest
-from check_support import GOOD
+from check_support import GOOD, judged, of
+from reference_unit import RATIO
 
 from analysis.torque_ratio.line_begin import BY_HALF, FELL_BACK
 from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, fit_quadrants
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.trace.runs import Run, commanded_runs
 from analysis.trace.trace import Trace
+from analysis.validity.settled_lines import settled_lines
 
 CALIBRATION = [run for run in commanded_runs(GOOD) if run.role == "calibrate"]
 PEAK_NM = max(float(np.abs(run.take(GOOD.torque_out_nm)).max()) for run in CALIBRATION)
@@ -57,6 +59,26 @@ def test_a_bounce_is_left_out_and_as_much_again_as_it_fell_back() -> None:
         assert found.fits[name].slope == pytest.approx(whole.fits[name].slope, rel=2e-3)
     for name in ("unload_positive", "unload_negative"):
         assert found.fits[name].offset_nm == whole.fits[name].offset_nm
+
+
+@pytest.mark.parametrize(("top", "bottom", "taken_off"), [(0.42, 0.36, True), (0.45, 0.36, False)])
+def test_the_checks_judge_the_line_that_the_result_has(top: float, bottom: float, *, taken_off: bool) -> None:
+    """A sound unit was refused by what is on no line of it; one whose bounce stays on its line is."""
+    trace = bounced(0.04, top, bottom)
+    lines, result = fitted(trace), judged(trace)
+    assert bool(lines.begins_nm) is taken_off
+    found = of(result, "calibration_agreement")
+    assert found.passed is taken_off, found.text
+    slopes = [lines.fits[name].slope for name in ("load_positive", "load_negative")]
+    assert of(result, "efficiency_low").figure == pytest.approx(100.0 * min(slopes) / RATIO, rel=1e-9)
+
+
+def test_a_bounce_moves_neither_the_ratio_nor_the_zero_that_the_checks_read() -> None:
+    shown = settled_lines(bounced(0.04, 0.3, 0.2), CALIBRATION)
+    for side, (ratio, unsure) in settled_lines(GOOD, CALIBRATION).ratios.items():
+        assert shown.ratios[side].value == pytest.approx(ratio, abs=0.1 + unsure)
+    assert shown.zero_nm is not None
+    assert abs(shown.zero_nm.value) + shown.zero_nm.expanded < 0.2
 
 
 @pytest.mark.parametrize(

@@ -47,6 +47,12 @@ def bounce_end_nm(loading: Sequence[Run], torque_out: FloatArray, sign: int, pea
     return end_nm if end_nm <= BY_HALF * peak_nm else 0.0
 
 
+def begin_text(line: str, begin_nm: float) -> str:
+    """Say from which torque on a line of this name was fitted, as the sensor reads it."""
+    signed_nm = -begin_nm if line.endswith("negative") else begin_nm
+    return f"from {signed_nm:.3g} N·m, where the bounce out of the play is over"
+
+
 def _end_nm(torque: FloatArray, peak_nm: float) -> float:
     """Top of the bounce that ends last, and as much again as was lost after it: torque rises, from zero on."""
     loaded = np.maximum(torque, 0.0)

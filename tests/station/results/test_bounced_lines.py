@@ -59,4 +59,7 @@ def test_the_offset_of_a_unit_that_bounces_is_its_friction(calibrated: tuple[Job
     shown = min(side.value for side in slope.sides if side.value is not None)
     assert efficiency.figure == pytest.approx(100.0 * shown / unit.ratio, rel=1e-9)
     assert result.quadrants is not None
+    told = " ".join(stage.text for stage in result.stages)
+    for name, sign in (("load_positive", ""), ("load_negative", "-")):
+        assert f"from {sign}{result.quadrants.begins_nm[name]:.3g} N·m, where" in told
     assert set(result.quadrants.begins_nm) == {"load_positive", "load_negative"}

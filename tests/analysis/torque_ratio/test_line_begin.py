@@ -6,14 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from check_support import GOOD, judged, of
+from check_support import CONVERTED, GOOD, judged, of
 from reference_unit import RATIO
 
+from analysis.loop.measured import measure
 from analysis.torque_ratio.line_begin import BY_HALF, FELL_BACK
 from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, fit_quadrants
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.trace.runs import Run, commanded_runs
 from analysis.trace.trace import Trace
+from analysis.uncertainty.conditions import conditions_of
 from analysis.validity.settled_lines import settled_lines
 
 CALIBRATION = [run for run in commanded_runs(GOOD) if run.role == "calibrate"]
@@ -126,3 +128,14 @@ def test_noise_is_no_bounce_and_hides_none() -> None:
     for trace, begins in ((GOOD, set()), (bounced(0.04, 0.14, 0.08), {"load_positive", "load_negative"})):
         noisy = dataclasses.replace(trace, torque_out_nm=trace.torque_out_nm + noise)
         assert set(fitted(noisy).begins_nm) == begins
+
+
+def test_the_points_of_a_line_in_the_budget_are_those_that_it_was_fitted_to() -> None:
+    """Of a calibration to a larger peak than the cycles have, a line began where the cycles end, and ran backwards."""
+    conditions = conditions_of(measure(bounced(0.04, 0.14, 0.08), CONVERTED))
+    for peak_nm in (PEAK_NM, 0.15 * PEAK_NM):
+        points = dataclasses.replace(conditions, peak_nm=peak_nm).line_points
+        for name in ("load_positive", "load_negative"):
+            fitted_nm = conditions.quadrants.fits[name].outputs_nm
+            ends = (float(one) for one in (np.abs(fitted_nm).min(), np.abs(fitted_nm).max()))
+            assert np.abs(points[name].torque_nm[[0, -1]]) == pytest.approx(list(ends))

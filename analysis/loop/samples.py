@@ -11,6 +11,7 @@ import numpy as np
 
 from analysis.loop.method import Method
 from analysis.loop.stages import Figure, StageRecord
+from analysis.torque_ratio.line_begin import begin_text
 from analysis.torque_ratio.quadrant_fit import fit_quadrants, quadrants_of_cycles
 from analysis.torque_ratio.quadrants import Quadrants, output_torque, turn_lines
 from analysis.trace.errors import AnalysisError
@@ -158,7 +159,7 @@ def _torque_ratio(trace: Trace, method: Method, runs: Sequence[Run]) -> tuple[Qu
 def _begin(quadrants: Quadrants, name: str) -> str:
     """Say from where a line was fitted that begins later for a bounce; '' of another."""
     begin_nm = quadrants.begins_nm.get(name)
-    return "" if begin_nm is None else f", from {begin_nm:.3g} N·m, where the bounce out of the play is over"
+    return "" if begin_nm is None else f", {begin_text(name, begin_nm)}"
 
 
 def _branch_samples(

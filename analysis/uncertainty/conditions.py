@@ -156,7 +156,9 @@ class MeasurementConditions:
             sign, loading = (1 if name.endswith("positive") else -1), name.startswith("load")
             low, high = LOADING_RANGE if loading else UNLOADING_RANGE
             line: TorqueLine = getattr(self.quadrants, name)
-            low = max(low, self.quadrants.begins_nm.get(name, 0.0) / self.peak_nm)
+            if name in self.quadrants.begins_nm and name in self.quadrants.fits:  # it may begin beyond these cycles
+                fitted_nm = np.abs(self.quadrants.fits[name].outputs_nm)
+                low, high = (float(end) / self.peak_nm for end in (fitted_nm.min(), fitted_nm.max()))
             torque = sign * self.peak_nm * np.linspace(low, high, LINE_POINTS)
             torque_in = (torque - line.offset_nm) / line.slope
             direction = sign if loading else -sign

@@ -18,7 +18,13 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.torque_ratio.line_fit import LEAST_POINTS, RatioFit, fit_torque_ratio
-from analysis.torque_ratio.quadrant_fit import LOADING_RANGE, UNLOADING_RANGE, fit_lines, quadrant_points
+from analysis.torque_ratio.quadrant_fit import (
+    LOADING_RANGE,
+    UNLOADING_RANGE,
+    bounce_ends_nm,
+    fit_lines,
+    quadrant_points,
+)
 from analysis.torque_ratio.quadrants import QUADRANTS, TorqueLine
 from analysis.trace.runs import Run
 from analysis.trace.trace import Trace
@@ -114,7 +120,7 @@ def settled_lines(trace: Trace, runs: Sequence[Run]) -> SettledLines:
 
     Raises AnalysisError where a quadrant has too few points, naming it.
     """
-    known = _by_share(trace, runs)
+    known = _by_share(trace, runs, bounce_ends_nm(trace, runs))
     ratios = {side: told(known, partial(ratio_of, side=side)) for side in SIDES}
     zero, zero_in = (told(known, figure) for figure in (zero_of, zero_in_of))
     return SettledLines(
@@ -129,10 +135,12 @@ def settled_lines(trace: Trace, runs: Sequence[Run]) -> SettledLines:
 def ratios_apart(trace: Trace, runs: Sequence[Run], others: Sequence[Run]) -> dict[str, Told]:
     """Return by how much the ratio that runs show is beyond that of others, by side: both by the same shares.
 
-    A transition that has not ended is in both alike, and leaves the difference before it leaves the ratios.
-    Raises AnalysisError as `settled_lines`.
+    The loading lines of both begin where neither bounces. A transition that has not ended is in both alike, and leaves
+    the difference before it leaves the ratios. Raises AnalysisError as `settled_lines`.
     """
-    one, other = (_by_share(trace, some, WITHOUT_PLAY) for some in (runs, others))
+    ends = [bounce_ends_nm(trace, some) for some in (runs, others)]
+    begins = {name: max(end.get(name, 0.0) for end in ends) for name in ends[0] | ends[1]}
+    one, other = (_by_share(trace, some, begins, WITHOUT_PLAY) for some in (runs, others))
     known = [
         {**fits, **{f"{OTHER}{name}": fit for name, fit in beside.items()}}
         for fits, beside in zip(one, other, strict=False)
@@ -145,11 +153,16 @@ def _ratio_beyond(fits: Lines, side: str) -> float:
     return ratio_of(fits, side) - ratio_of(other, side)
 
 
-def _by_share(trace: Trace, runs: Sequence[Run], loading: tuple[float, float] = LOADING_RANGE) -> list[Fits]:
-    """Return the lines of runs by less and less of the unloading, while enough of that is left."""
-    points = quadrant_points(trace, runs, loading=loading)
+def _by_share(
+    trace: Trace, runs: Sequence[Run], begins_nm: Mapping[str, float], loading: tuple[float, float] = LOADING_RANGE
+) -> list[Fits]:
+    """Return the lines of runs by less and less of the unloading, while enough of that is left.
+
+    begins_nm, loading: see `quadrant_points`.
+    """
+    points = quadrant_points(trace, runs, loading=loading, begins_nm=begins_nm)
     peak = max(float(np.abs(y).max(initial=0.0)) for _, y in points.values()) / LOADING_RANGE[1]
-    known: list[Fits] = [fit_lines(trace, runs, loading=loading)]
+    known: list[Fits] = [fit_lines(trace, runs, loading=loading, begins_nm=begins_nm)]
     for share in SHARES[1:]:
         fits = dict(known[0])
         for name in (f"unload_{side}" for side in SIDES):

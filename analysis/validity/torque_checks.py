@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.loop.measured import Measured
-from analysis.torque_ratio.quadrant_fit import fit_lines, quadrant_points
+from analysis.torque_ratio.quadrant_fit import bounce_ends_nm, fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.figures import SensorFigures, TorqueChannel
@@ -69,7 +69,7 @@ def lines_of(found: Measured) -> Lines | str:
     """Return the torque lines of a trace, or why it has none.
 
     They come from the segments that calibrate, else from the measured cycles; where one torque alone is in the trace,
-    from the stored lines that convert it.
+    from the stored lines that convert it. They begin where those of the result do.
     """
     trace = found.trace
     if trace.torque_in_nm is None or trace.torque_out_nm is None:
@@ -78,8 +78,9 @@ def lines_of(found: Measured) -> Lines | str:
         return "not measured: needs two torque channels"
     calibration = [run for run in found.runs if run.role == "calibrate"]
     cycles = [one.run for pair in found.pairs for one in pair]
+    runs = calibration or cycles
     try:
-        fits = fit_lines(trace, calibration or cycles)
+        fits = fit_lines(trace, runs, begins_nm=bounce_ends_nm(trace, runs))
     except AnalysisError as error:
         return f"not measured: {error}"
     where = "the lines of the calibration" if calibration else "the lines of the measured cycles"

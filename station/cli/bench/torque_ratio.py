@@ -10,9 +10,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from analysis.torque_ratio.line_begin import begin_text
 from analysis.torque_ratio.line_fit import FLAG_STUDENTISED, LEAST_POINTS, RatioFit, fit_torque_ratio
 from analysis.torque_ratio.points import doubts, fit_points
-from analysis.torque_ratio.quadrant_fit import quadrant_points
+from analysis.torque_ratio.quadrant_fit import bounce_ends_nm, quadrant_points
 from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import commanded_runs
 from analysis.trace.trace_files import read_rows
@@ -149,7 +150,9 @@ def _of_file(path: Path) -> Lines:
             f"file {path}, column segment: found {', '.join(sorted({run.role for run in runs}))}; expected "
             f"{' or '.join(FITTED)} in the rows in which both torques were measured. Correct the column"
         )
-    points = quadrant_points(trace, [run for run in runs if run.role == role])
+    chosen = [run for run in runs if run.role == role]
+    begins = bounce_ends_nm(trace, chosen)
+    points = quadrant_points(trace, chosen, begins_nm=begins)
     fits: dict[str | None, RatioFit] = {
         quadrant: fit_torque_ratio(x, y) for quadrant, (x, y) in points.items() if x.size >= LEAST_POINTS
     }
@@ -162,7 +165,9 @@ def _of_file(path: Path) -> Lines:
     notes = (
         [f"no line for {', '.join(missing)}: fewer than {LEAST_POINTS} points of segments {role}"] if missing else []
     )
-    return Lines(str(path), None, fits, notes=notes)
+    return Lines(
+        str(path), None, fits, notes=[*notes, *_begins({name: begins[name] for name in begins if name in fits})]
+    )
 
 
 def _of_run(name: str, data: Path) -> Lines:
@@ -180,7 +185,12 @@ def _of_run(name: str, data: Path) -> Lines:
         said.append(
             f"run {run.id}: faults were injected on purpose ({result.scenario}), so its torque ratio may be wrong"
         )
-    return Lines(run.id, run.id, dict(quadrants.fits.items()), notes=said)
+    return Lines(run.id, run.id, dict(quadrants.fits.items()), notes=[*said, *_begins(quadrants.begins_nm)])
+
+
+def _begins(begins_nm: Mapping[str, float]) -> list[str]:
+    """Say which lines begin later than others, and where."""
+    return [minus(f"line {name}: fitted {begin_text(name, begin_nm)}") for name, begin_nm in begins_nm.items()]
 
 
 def _refuse_unreached(wanted: Sequence[float], found: Lines) -> None:

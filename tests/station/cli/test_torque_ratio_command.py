@@ -185,6 +185,27 @@ def test_named_segments_have_a_line_per_quadrant(tmp_path: Path) -> None:
     assert "no line for load_negative, unload_negative" in document["notes"][0]
 
 
+@pytest.mark.parametrize(
+    ("sign", "begins"), [(1, "load_positive: fitted from 80"), (-1, "load_negative: fitted from −80")]
+)
+def test_a_line_of_a_file_begins_where_the_bounce_out_of_the_play_is_over(
+    tmp_path: Path, sign: int, begins: str
+) -> None:
+    """As in the result of a run: of one run the file's offset read −0.3 where the result had −1.7 N·m."""
+    torque_in = np.linspace(0.0, 4.4, 2000)
+    torque_out = np.maximum(94.7 * torque_in - 13.9, 0.0)
+    bounces = np.flatnonzero((torque_out > 16.0) & (torque_out < 56.0))
+    torque_out[bounces] = np.maximum(torque_out[bounces], 32.0)
+    torque_out[bounces[0]] = 56.0
+    rows = (
+        f"{sign * x:.5f},{sign * y:.5f},calibrate {sign:+d} 1\n" for x, y in zip(torque_in, torque_out, strict=True)
+    )
+    document = found(table(tmp_path, "torque_in_nm,torque_out_nm,segment\n" + "".join(rows)))
+    (line,) = document["lines"]
+    assert line["offset_nm"] == pytest.approx(-13.9 * sign, abs=1e-3)
+    assert f"line {begins} N·m" in document["notes"][-1]
+
+
 def test_a_run_has_its_own_lines(quick_run: Any, tmp_path: Path) -> None:
     data = quick_run.copy(tmp_path / "data").parent
     document = found("last", "--data", data, "--target", "412 N·m")

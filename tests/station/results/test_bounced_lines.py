@@ -54,5 +54,12 @@ def test_the_offset_of_a_unit_that_bounces_is_its_friction(calibrated: tuple[Job
         assert abs(side.value - friction_nm) <= side.uncertainty < 0.15, side.side
     for side in slope.sides:
         assert side.value == pytest.approx(unit.ratio / (1.0 + unit.friction_loading_fraction), rel=5e-3), side.side
+    (efficiency,) = [one for one in result.checks if one.id == "efficiency_low"]
+    assert efficiency.figure is not None, efficiency.text
+    shown = min(side.value for side in slope.sides if side.value is not None)
+    assert efficiency.figure == pytest.approx(100.0 * shown / unit.ratio, rel=1e-9)
     assert result.quadrants is not None
+    told = " ".join(stage.text for stage in result.stages)
+    for name, sign in (("load_positive", ""), ("load_negative", "-")):
+        assert f"from {sign}{result.quadrants.begins_nm[name]:.3g} N·m, where" in told
     assert set(result.quadrants.begins_nm) == {"load_positive", "load_negative"}

@@ -82,6 +82,27 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     assert 'class="FAIL"' in table
 
 
+def test_axes_and_limits_tell_values_apart_that_differ_little(tmp_path: Path) -> None:
+    for number in range(14):
+        both = [metric(115.8 + 0.01 * (number % 5 - 2))]
+        store_run(tmp_path, f"N{number}", both, day=number, operator=("Anna", "Ben")[number % 2])
+    with production(tmp_path) as look:
+        chart = chart_of(look, LOT, "lost_motion", RULE_SETS["shewhart"], subgroup=1, baseline=13)
+        trend = trend_of(look, LOT, "lost_motion", "operator")
+    options, limits = chart_options(chart, SAY), chart.chart.mean_limits
+    held = (*chart.chart.means, limits.low, limits.high)
+    means = options["series"][0]
+    assert len({one["label"]["formatter"] for one in means["markLine"]["data"]}) == 3
+    assert len({one["value"] for one in means["data"]}) == 5
+    groups = [end for one in trend.compared.groups for end in (one.low, one.high)]
+    for axis, inside in ((options["yAxis"][0], held), (trend_options(trend)["yAxis"], groups)):
+        width = max(inside) - min(inside)
+        assert axis["min"] < min(inside) < max(inside) < axis["max"]
+        assert axis["max"] - axis["min"] < 1.3 * width
+    (middle,) = trend_options(trend)["series"][1]["markLine"]["data"]
+    assert float(middle["label"]["formatter"]) == pytest.approx(trend.compared.mean, abs=1e-3)
+
+
 def test_texts_of_records_stay_texts() -> None:
     assert "<img" not in causes_html("x", pareto({SCRIPT: 2}), SAY)
 

@@ -27,6 +27,7 @@ from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
 from station.web.languages import ENGLISH, words_of
+from station.web.pages.quality.studies import numbers_of
 from station.web.pages.quality_figures import (
     capability_html,
     causes_html,
@@ -101,6 +102,14 @@ def test_axes_and_limits_tell_values_apart_that_differ_little(tmp_path: Path) ->
         assert axis["max"] - axis["min"] < 1.3 * width
     (middle,) = trend_options(trend)["series"][1]["markLine"]["data"]
     assert float(middle["label"]["formatter"]) == pytest.approx(trend.compared.mean, abs=1e-3)
+
+
+def test_a_comma_or_a_blank_makes_no_two_known_values_of_one() -> None:
+    assert numbers_of(None) == numbers_of(" ; ") == []
+    assert numbers_of("0.37;115 ; -2\uff1b3") == [0.37, 115.0, -2.0, 3.0]
+    for wrong in ("0,37", "0,37; 115", "115; 0, 37", "1 000", "0\uff0c37"):
+        with pytest.raises(ValueError, match=r"[, \uff0c]"):
+            numbers_of(wrong)
 
 
 def test_texts_of_records_stay_texts() -> None:

@@ -26,7 +26,7 @@ from station.quality.figures import capability_of, chart_of, trend_of
 from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
-from station.web.languages import ENGLISH, words_of
+from station.web.languages import ENGLISH, LANGUAGES, words_of
 from station.web.pages.quality.studies import numbers_of
 from station.web.pages.quality_figures import (
     capability_html,
@@ -41,7 +41,7 @@ SAY = words_of(ENGLISH)
 SCRIPT = "<img src=x onerror=alert(1)>"
 LOT = Lot(recipe="inverse")
 OF_THE_RECORD = "rv-40e-121-quick"
-LONGEST_MS = 180_000
+LONGEST_MS, SETTLE_MS = 180_000, 200
 
 
 @pytest.fixture(scope="module")
@@ -270,3 +270,27 @@ def test_an_engineer_tries_another_definition_and_saves_it_as_a_draft(
 def test_who_operates_the_bench_tries_limits_alone(page_of: Enter, station: Served) -> None:
     page = page_of_the_record(page_of, station, "operator")
     assert page.get_by_label("Defined as").is_hidden()
+
+
+CUT_OFF = """() => [...document.querySelectorAll('.lm-trial, .lm-trial .lm-side-by-side > *')]
+    .filter(one => one.scrollWidth > one.clientWidth).map(one => one.innerText)"""
+
+
+@pytest.mark.wires
+@needs_browser
+def test_nothing_of_a_trial_is_cut_off_on_any_screen_in_any_language(page_of: Enter, station: Served) -> None:
+    page: playwright.Page = page_of("admin")
+    page.set_default_timeout(LONGEST_MS)
+    for language in LANGUAGES:
+        say = words_of(language)
+        page.goto(f"{station.url}/quality?{urlencode({'recipe': OF_THE_LIMITS})}")
+        page.click(f'.lm-language[lang="{language}"]')
+        page.wait_for_selector(f'.lm-language[lang="{language}"][aria-pressed="true"]')
+        page.wait_for_selector(".lm-trial .q-field:has-text('Lost motion')")
+        page.get_by_label(say("New max")).fill("0.8")
+        page.get_by_role("button", name=say("Try"), exact=True).click()
+        page.wait_for_selector(".lm-flips a")
+        for width in (1024, 1280, 1920):
+            page.set_viewport_size({"width": width, "height": 800})
+            page.wait_for_timeout(SETTLE_MS)
+            assert page.evaluate(CUT_OFF) == [], (language, width)

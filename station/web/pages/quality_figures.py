@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from html import escape
+from math import ceil, floor, log10
 from typing import Any
 
 from analysis.line.proportions import Cause, Proportion
@@ -133,19 +134,17 @@ def chart_options(found: ChartFigure, say: Words) -> Options:
     chart, unit = found.chart, unit_text(found.metric.unit)
     marked = {one.point for one in chart.signals}
     shift = len(chart.means) - len(chart.spreads)
-    means = [_point(value, number + 1 in marked) for number, value in enumerate(chart.means)]
-    spread_marks = set(chart.spread_signals)
-    spreads = [None] * shift + [_point(value, number + 1 + shift in spread_marks)
-                                for number, value in enumerate(chart.spreads)]  # fmt: skip
+    means = _points(chart.means, marked)
+    spreads = [None] * shift + _points(chart.spreads, {place - shift for place in chart.spread_signals})
     names = [moment[:16].replace("T", " ") for moment in found.started]
     what = say("single values") if chart.subgroup == 1 else say("mean of {count}", count=chart.subgroup)
     series = []
     for place, (points, limits) in enumerate(((means, chart.mean_limits), (spreads, chart.spread_limits))):
-        lines = [_limit(limits.centre, "solid"), _limit(limits.low, "dashed"), _limit(limits.high, "dashed")]
+        levels = (limits.centre, limits.low, limits.high)
         series.append({
             "type": "line", "data": points, "xAxisIndex": place, "yAxisIndex": place, "color": LINE, "symbolSize": 5,
             "showAllSymbol": len(means) <= 200, "lineStyle": {"width": 1.5, "color": LINE}, "showSymbol": True,
-            "markLine": LIMITS | {"data": lines, "label": {"fontSize": 13, "color": INK}},
+            "markLine": LIMITS | {"data": _lines(levels, levels), "label": {"fontSize": 13, "color": INK}},
         })  # fmt: skip
     grids = [
         {"left": 76, "right": 84, "top": 34, "height": "46%"},
@@ -164,23 +163,41 @@ def chart_options(found: ChartFigure, say: Words) -> Options:
     }  # fmt: skip
 
 
+def _decimals(values: Sequence[float]) -> int:
+    """Return the decimals that tell values apart, by their width: they may differ in their sixth digit alone."""
+    width = max(values) - min(values) or 1e-4 * abs(values[0]) or 1.0
+    return ceil(-log10(width)) + 2
+
+
 def _ends(values: Sequence[float], *lines: float) -> Options:
     """Return the ends of an axis that holds values and lines, for a chart's own choice leaves the lines out."""
-    low, high = min([*values, *lines]), max([*values, *lines])
-    room = 0.06 * (high - low) or abs(high) or 1.0
-    return {"min": float(f"{low - room:.4g}"), "max": float(f"{high + room:.4g}")}
+    held = [*values, *lines]
+    low, high, decimals = min(held), max(held), _decimals(held)
+    room, step = 0.06 * (high - low) or abs(high) or 1.0, 10.0**-decimals
+    return {
+        "min": round(floor((low - room) / step) * step, decimals),
+        "max": round(ceil((high + room) / step) * step, decimals),
+    }
 
 
-def _point(value: float, signalled: bool) -> Options:  # noqa: FBT001 - a mark of the point
-    rounded = float(f"{value:.6g}")
-    if not signalled:
-        return {"value": rounded}
-    return {"value": rounded, "symbol": "diamond", "symbolSize": 15, "itemStyle": {"color": BAD}}
+def _points(values: Sequence[float], marked: Collection[int]) -> list[Options]:
+    """Return the points of a line; marked: their numbers, from 1, that are signalled."""
+    decimals = _decimals(values) + 2
+    mark: Options = {"symbol": "diamond", "symbolSize": 15, "itemStyle": {"color": BAD}}
+    return [
+        {"value": round(value, decimals)} | (mark if number in marked else {})
+        for number, value in enumerate(values, start=1)
+    ]
 
 
-def _limit(value: float, kind: str) -> Options:
-    text = f"{value:.4g}"
-    return {"yAxis": value, "label": {"formatter": text}, "lineStyle": {"type": kind, "color": QUIET, "width": 1.5}}
+def _lines(levels: Sequence[float], among: Sequence[float]) -> list[Options]:
+    """Return a centre and its limits as lines, each with a figure that tells it from the values that it is among."""
+    decimals = _decimals(among)
+    return [
+        {"yAxis": value, "label": {"formatter": f"{round(value, decimals):.12g}"},
+         "lineStyle": {"type": "dashed" if place else "solid", "color": QUIET, "width": 1.5}}
+        for place, value in enumerate(levels)
+    ]  # fmt: skip
 
 
 OUT_OF_CONTROL = ("{count} signal: out of control.", "{count} signals: out of control.")
@@ -270,18 +287,20 @@ def _index(value: float | None) -> str:
 def trend_options(found: TrendFigure) -> Options:
     """Return the means of the groups with their intervals, about the mean of all."""
     one, unit = found.compared, unit_text(found.metric.unit)
-    apart = [not group.low <= one.mean <= group.high for group in one.groups]
-    points = [_point(group.mean, marked) for group, marked in zip(one.groups, apart, strict=True)]
-    bars = [[place, float(f"{g.low:.6g}"), float(f"{g.high:.6g}")] for place, g in enumerate(one.groups)]
+    apart = {number for number, g in enumerate(one.groups, start=1) if not g.low <= one.mean <= g.high}
+    points = _points([group.mean for group in one.groups], apart)
+    ends = [end for group in one.groups for end in (group.low, group.high)]
+    decimals = _decimals(ends) + 2
+    bars = [[place, round(g.low, decimals), round(g.high, decimals)] for place, g in enumerate(one.groups)]
     return _framed({
         "xAxis": plain_axis(type="category", data=[f"{group.name}\n(n = {group.number})" for group in one.groups]),
-        "yAxis": plain_axis(type="value", name=unit) | _ends([end for g in one.groups for end in (g.low, g.high)]),
+        "yAxis": plain_axis(type="value", name=unit) | _ends(ends),
         "tooltip": {"trigger": "item"},
         "series": [
             {"type": "custom", ":renderItem": WHISKER, "data": bars, "silent": True, "z": 1,
              "encode": {"x": 0, "y": [1, 2]}},
             {"type": "scatter", "data": points, "symbolSize": 11, "color": LINE, "z": 2, "markLine": LIMITS | {
-                "data": [_limit(one.mean, "solid")]}},
+                "data": _lines([one.mean], ends)}},
         ],
     })  # fmt: skip
 
@@ -313,15 +332,13 @@ def part_options(found: PartFigure) -> Options:
     """Return the values of a master part over time with its control limits."""
     series, trend = found.series, found.trend
     marked = set() if trend is None else {one.measurement for one in trend.signals if one.rule != "trend"}
-    points = [_point(value, number + 1 in marked) for number, value in enumerate(series.values)]
-    levels = (
-        [] if trend is None else [(trend.centre, "solid"), (trend.low_limit, "dashed"), (trend.high_limit, "dashed")]
-    )
-    lines = [_limit(*one) for one in levels]
+    levels = () if trend is None else (trend.centre, trend.low_limit, trend.high_limit)
+    lines = _lines(levels, levels) if levels else []
+    points = _points(series.values, marked)
     return _framed({
         "xAxis": plain_axis(type="category", data=[moment[:16].replace("T", " ") for moment in series.started]),
         "yAxis": plain_axis(type="value", name=unit_text(series.metric.unit))
-            | _ends(series.values, *(value for value, _ in levels)),
+            | _ends(series.values, *levels),
         "tooltip": {"trigger": "axis"},
         "series": [{"type": "line", "data": points, "color": LINE, "symbolSize": 7, "showSymbol": True,
                     "markLine": LIMITS | {"data": lines,

@@ -26,7 +26,8 @@ from station.quality.figures import capability_of, chart_of, trend_of
 from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
-from station.web.languages import ENGLISH, words_of
+from station.web.languages import ENGLISH, LANGUAGES, words_of
+from station.web.pages.quality.studies import numbers_of
 from station.web.pages.quality_figures import (
     capability_html,
     causes_html,
@@ -40,7 +41,7 @@ SAY = words_of(ENGLISH)
 SCRIPT = "<img src=x onerror=alert(1)>"
 LOT = Lot(recipe="inverse")
 OF_THE_RECORD = "rv-40e-121-quick"
-LONGEST_MS = 180_000
+LONGEST_MS, SETTLE_MS = 180_000, 200
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +81,35 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     assert chart.runs[-1] in signals_html(chart, SAY)
     assert len(trend_options(trend)["series"][0]["data"]) == 3, "Anna, the script, and nobody"
     assert 'class="FAIL"' in table
+
+
+def test_axes_and_limits_tell_values_apart_that_differ_little(tmp_path: Path) -> None:
+    for number in range(14):
+        both = [metric(115.8 + 0.01 * (number % 5 - 2))]
+        store_run(tmp_path, f"N{number}", both, day=number, operator=("Anna", "Ben")[number % 2])
+    with production(tmp_path) as look:
+        chart = chart_of(look, LOT, "lost_motion", RULE_SETS["shewhart"], subgroup=1, baseline=13)
+        trend = trend_of(look, LOT, "lost_motion", "operator")
+    options, limits = chart_options(chart, SAY), chart.chart.mean_limits
+    held = (*chart.chart.means, limits.low, limits.high)
+    means = options["series"][0]
+    assert len({one["label"]["formatter"] for one in means["markLine"]["data"]}) == 3
+    assert len({one["value"] for one in means["data"]}) == 5
+    groups = [end for one in trend.compared.groups for end in (one.low, one.high)]
+    for axis, inside in ((options["yAxis"][0], held), (trend_options(trend)["yAxis"], groups)):
+        width = max(inside) - min(inside)
+        assert axis["min"] < min(inside) < max(inside) < axis["max"]
+        assert axis["max"] - axis["min"] < 1.3 * width
+    (middle,) = trend_options(trend)["series"][1]["markLine"]["data"]
+    assert float(middle["label"]["formatter"]) == pytest.approx(trend.compared.mean, abs=1e-3)
+
+
+def test_a_comma_or_a_blank_makes_no_two_known_values_of_one() -> None:
+    assert numbers_of(None) == numbers_of(" ; ") == []
+    assert numbers_of("0.37;115 ; -2\uff1b3") == [0.37, 115.0, -2.0, 3.0]
+    for wrong in ("0,37", "0,37; 115", "115; 0, 37", "1 000", "0\uff0c37"):
+        with pytest.raises(ValueError, match=r"[, \uff0c]"):
+            numbers_of(wrong)
 
 
 def test_texts_of_records_stay_texts() -> None:
@@ -240,3 +270,27 @@ def test_an_engineer_tries_another_definition_and_saves_it_as_a_draft(
 def test_who_operates_the_bench_tries_limits_alone(page_of: Enter, station: Served) -> None:
     page = page_of_the_record(page_of, station, "operator")
     assert page.get_by_label("Defined as").is_hidden()
+
+
+CUT_OFF = """() => [...document.querySelectorAll('.lm-trial, .lm-trial .lm-side-by-side > *')]
+    .filter(one => one.scrollWidth > one.clientWidth).map(one => one.innerText)"""
+
+
+@pytest.mark.wires
+@needs_browser
+def test_nothing_of_a_trial_is_cut_off_on_any_screen_in_any_language(page_of: Enter, station: Served) -> None:
+    page: playwright.Page = page_of("admin")
+    page.set_default_timeout(LONGEST_MS)
+    for language in LANGUAGES:
+        say = words_of(language)
+        page.goto(f"{station.url}/quality?{urlencode({'recipe': OF_THE_LIMITS})}")
+        page.click(f'.lm-language[lang="{language}"]')
+        page.wait_for_selector(f'.lm-language[lang="{language}"][aria-pressed="true"]')
+        page.wait_for_selector(".lm-trial .q-field:has-text('Lost motion')")
+        page.get_by_label(say("New max")).fill("0.8")
+        page.get_by_role("button", name=say("Try"), exact=True).click()
+        page.wait_for_selector(".lm-flips a")
+        for width in (1024, 1280, 1920):
+            page.set_viewport_size({"width": width, "height": 800})
+            page.wait_for_timeout(SETTLE_MS)
+            assert page.evaluate(CUT_OFF) == [], (language, width)

@@ -117,6 +117,32 @@ def _first(station: Served) -> str:
     return first.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("as_new", [True, False], ids=["new draft", "draft"])
+def test_what_was_typed_is_left_only_after_a_question(station: Served, enter: Enter, *, as_new: bool) -> None:
+    page, asked = recipes_of(enter, "technician"), list[str]()
+    page.set_default_timeout(20_000)
+    text = _first(station).replace("name: good", f"name: asks-{as_new}").encode()
+    page.set_input_files(".lm-import input[type=file]", {"name": "d.yaml", "mimeType": "text/yaml", "buffer": text})
+    page.wait_for_url(f"**/recipes/asks-{as_new}/1")
+    if as_new:
+        page.goto(f"{station.url}/recipes/good/1?new=1")
+    state(page, "not saved" if as_new else "draft")
+    page.wait_for_selector(".lm-in-order")
+    page.on("dialog", lambda dialog: (asked.append(dialog.type), dialog.dismiss()))
+    page.click(".cm-content")
+    page.keyboard.type("#")
+    page.wait_for_function("window.onbeforeunload")
+    page.click("nav >> text=Recipes")
+    page.wait_for_timeout(300)
+    assert asked == ["beforeunload"]
+    page.click(".cm-content")
+    page.keyboard.press("Control+z")
+    page.wait_for_function("!window.onbeforeunload")
+    page.click("nav >> text=Recipes")
+    page.wait_for_url("**/recipes")
+    assert asked == ["beforeunload"], "nothing is lost that was taken back"
+
+
 def test_whoever_only_operates_may_read_and_change_nothing(enter: Enter) -> None:
     page = recipes_of(enter, "operator")
     assert page.locator(".lm-import").count() == 0

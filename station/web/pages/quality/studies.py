@@ -44,6 +44,7 @@ MISSING_BY = (
     "missing: unit {part} by {operator}: trials {trials}",
 )
 """What is said of one trial and of several."""
+NO_NUMBER = "'{found}' is no number. Write known values and tolerances with a point, several with ; between: 0.37; 115"
 
 
 @dataclass(frozen=True)
@@ -139,8 +140,9 @@ class GuidedStudies:
             self._parts = ui.input(say("Serial numbers, with commas")).props("outlined dense")
             self._operators = ui.input(say("Operators by their accounts, with commas")).props("outlined dense")
             self._metrics = ui.input(say("Metrics by id, with commas")).props("outlined dense")
-            self._references = ui.input(say("Known values, one for each metric (type 1)")).props("outlined dense")
-            self._tolerances = ui.input(say("Tolerances (empty: as in the recipe)")).props("outlined dense")
+            self._references = ui.input(say("Known values, one for each metric: 0.37; 115 (type 1)"))
+            self._references.props("outlined dense")
+            self._tolerances = ui.input(say("Tolerances: 0.2; 9 (empty: as in the recipe)")).props("outlined dense")
             self._trials = ui.number(say("Trials (empty: 50 for type 1, 3 for gage)"), min=1, format="%d").props(
                 "outlined dense"
             )
@@ -194,19 +196,16 @@ class GuidedStudies:
     async def _begin(self) -> None:
         name = str(self._name.value or "").strip()
         try:
-            numbers = {"references": _numbers(self._references.value), "tolerances": _numbers(self._tolerances.value)}
+            references, tolerances = (numbers_of(one.value) for one in (self._references, self._tolerances))
         except ValueError as error:
-            self._begun.set_text(
-                self._words("Known values and tolerances are numbers with a point: {error}", error=error)
-            )
+            self._begun.set_text(self._words(NO_NUMBER, found=error))
             return
         values: dict[str, JsonValue] = {
             "study": name, "kind": str(self._kind.value), "parts": list(_texts(self._parts.value)),
             "operators": list(_texts(self._operators.value)), "metrics": list(_texts(self._metrics.value)),
             "trials": None if self._trials.value is None else int(self._trials.value),
+            "references": list(references), "tolerances": list(tolerances),
         }  # fmt: skip
-        for key, found in numbers.items():
-            values[key] = list(found)
         if await self._done("begin_study", values, self._begun):
             self._begun.set_text(self._words("Study {name} was begun.", name=name))
             await self._names(name)
@@ -221,8 +220,18 @@ class GuidedStudies:
 
 
 def _texts(given: str | None) -> list[str]:
-    return [one.strip() for one in re.split(r"[,;]", given or "") if one.strip()]
+    return [one.strip() for one in re.split(r"[,;\uff0c\uff1b]", given or "") if one.strip()]
 
 
-def _numbers(given: str | None) -> list[float]:
-    return [float(one) for one in _texts(given)]
+def numbers_of(given: str | None) -> list[float]:
+    """Return numbers with semicolons between; ValueError by what is none.
+
+    A comma or a blank stands between no two numbers, for some write 0,37 and 1 000.
+    """
+    found = []
+    for one in filter(None, map(str.strip, re.split(r"[;\uff1b]", given or ""))):
+        try:
+            found.append(float(one))
+        except ValueError:
+            raise ValueError(one) from None
+    return found

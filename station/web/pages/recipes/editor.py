@@ -83,7 +83,7 @@ class _Editor:
         self._looked: LookedAt | None = None
         self._fields: dict[OptionPath, ui.input] = {}
         self._dry: tuple[str, str] = ("", "")
-        self._asks_again = True
+        self._asks = False
         self._told: tuple[Revision | None, bool, bool] | None = None
 
     async def build(self, say: Words, *, as_new: bool) -> None:
@@ -93,7 +93,7 @@ class _Editor:
         if as_new and opened.state is State.RELEASED:
             number = max(one.revision for one in self._history.all() if one.name == opened.name) + 1
             self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
-            self._found = None
+            self._kept, self._found = self._text, None
         ui.colors(primary=LINE_INK)
         bar(self._station, self._session, "recipes", say)
         with ui.element("main").classes("lm-page"):
@@ -205,6 +205,9 @@ class _Editor:
     def _typed(self, event: Any) -> None:
         self._text = str(event.value or "")
         self._changed_at = time.monotonic()
+        if self._asks != (self._text != self._kept):
+            self._asks = not self._asks
+            ui.run_javascript(f"window.onbeforeunload = {'() => true' if self._asks else 'null'}")
 
     async def _look(self) -> None:
         self._show_dry_run(self._station.dry_runs.now())
@@ -220,9 +223,6 @@ class _Editor:
         self._show_forms(text)
         self._show_changes()
         self._show_head()
-        if self._asks_again == self._is_saved():
-            self._asks_again = not self._is_saved()
-            ui.run_javascript(f"window.onbeforeunload = {'() => true' if self._asks_again else 'null'}")
 
     def _show_messages(self, looked: LookedAt) -> None:
         lines = self._text.count("\n") + 1

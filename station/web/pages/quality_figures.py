@@ -62,10 +62,16 @@ def side_title(what: Characteristic, side: str, say: Words) -> str:
     return f"{title}, {say('side {side}', side=minus(side))}" if side in ("+", "-") else title
 
 
-def cause_title(name: str) -> str:
-    """Return a cause with the titles of metrics and checks in place of their ids."""
-    words = [METRICS[one].title.partition(" (")[0] if one in METRICS else one for one in name.split()]
-    return " ".join(CHECKS[one].title if one in CHECKS else one for one in words)
+def cause_title(name: str, say: Words) -> str:
+    """Return a cause as people call it: titles in place of ids, and its side as in the other tables."""
+    what, _, side = name.partition(" side ")
+    metric, *more = what.split()
+    row = METRICS.get(metric)
+    if row is not None and set(more) == set(row.branches):
+        what = metric  # its only branch says nothing
+    words = [title_of(one) if one in METRICS else CHECKS[one].title if one in CHECKS else one for one in what.split()]
+    title = say(" ".join(words))
+    return f"{title}, {say('side {side}', side=side)}" if side else title
 
 
 def percent(share: float | None) -> str:
@@ -113,7 +119,7 @@ def yield_options(found: YieldFigure, say: Words) -> Options:
 
 def causes_html(head: str, causes: Sequence[Cause], say: Words) -> str:
     """Return the commonest causes with numbers and cumulative share; a bar behind each is as long as its share."""
-    rows = [(say(cause_title(one.name)), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
+    rows = [(cause_title(one.name, say), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
     rest = causes[MOST_BARS:]
     if rest:
         others = say.counted(len(rest), "{count} other", "{count} others")
@@ -267,14 +273,20 @@ def _index(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def trend_options(found: TrendFigure) -> Options:
+def group_title(found: TrendFigure, name: str, say: Words) -> str:
+    """Return how people call a group: a shift and a sector have words, any other group is called as it is."""
+    return say(name) if found.by in ("shift", "lock-angle") else name
+
+
+def trend_options(found: TrendFigure, say: Words) -> Options:
     """Return the means of the groups with their intervals, about the mean of all."""
     one, unit = found.compared, unit_text(found.metric.unit)
     apart = [not group.low <= one.mean <= group.high for group in one.groups]
     points = [_point(group.mean, marked) for group, marked in zip(one.groups, apart, strict=True)]
+    names = [f"{group_title(found, group.name, say)}\n(n = {group.number})" for group in one.groups]
     bars = [[place, float(f"{g.low:.6g}"), float(f"{g.high:.6g}")] for place, g in enumerate(one.groups)]
     return _framed({
-        "xAxis": plain_axis(type="category", data=[f"{group.name}\n(n = {group.number})" for group in one.groups]),
+        "xAxis": plain_axis(type="category", data=names),
         "yAxis": plain_axis(type="value", name=unit) | _ends([end for g in one.groups for end in (g.low, g.high)]),
         "tooltip": {"trigger": "item"},
         "series": [
@@ -299,7 +311,7 @@ WHISKER = """(params, api) => {
 def trend_words(found: TrendFigure, say: Words) -> str:
     """Return what the groups say."""
     one = found.compared
-    apart = [group.name for group in one.groups if not group.low <= one.mean <= group.high]
+    apart = [group_title(found, group.name, say) for group in one.groups if not group.low <= one.mean <= group.high]
     said = say("No group is apart from the others.")
     said = say("Apart from the others: {groups}.", groups=", ".join(apart)) if apart else said
     between = say(BETWEEN, share=percent(one.share_between), probability=f"{one.p_same:.2g}")

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import ast
 import inspect
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import ModuleType
 from typing import get_args
@@ -18,8 +20,10 @@ from test_start_permission import cases
 from analysis.evaluation.evaluate import _because, judged_spread
 from analysis.evaluation.metric_result import SideValue
 from analysis.evaluation.verdict import Verdict
-from analysis.line.control_chart import SpreadKind
+from analysis.line.capability import capability
+from analysis.line.control_chart import SpreadKind, control_chart
 from analysis.line.run_rules import RULES
+from analysis.trace.errors import AnalysisError
 from analysis.uncertainty import left_open
 from analysis.uncertainty.budget import Budget, BudgetRow
 from analysis.uncertainty.scatter import COVERAGES, coverage_of
@@ -33,6 +37,7 @@ from station.documents.manifest import INJECTED, SIMULATED, STATES
 from station.records.certificate_code import CodeError, check_code
 from station.records.clocks import CLOCK_TEXTS
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
+from station.records.seal import NOT_READ
 from station.reports.content import PASSED
 from station.reports.headline import BENCH_FAULT, FAULTS_INJECTED, STOPPED_BY
 from station.web.actions.jog import NO_JOG
@@ -60,7 +65,7 @@ from station.web.pages.quality import ability_text, batch, bench, parts, studies
 from station.web.pages.quality import page as quality_page
 from station.web.pages.recipes import diff, dry_run_html, editor, load_curve, revisions
 from station.web.pages.recipes import page as recipes_page
-from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
+from station.web.pages.words import Shown, attempts_said, on_page, reason_said, refusal_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
@@ -279,6 +284,61 @@ def test_values_are_taken_over_as_they_are() -> None:
     ]  # fmt: skip
     counted = ("{count} run.", "{count} runs.")
     assert [say.counted(number, *counted) for number in (1, 2)] == ["1 Prüfung.", "2 Prüfungen."]
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_message_in_a_place_holder_is_said_too_and_a_name_is_not(language: str) -> None:
+    say = words_of(language)
+    record = "The record is not as it was when the run was concluded: {reason}."
+    ways = (
+        "was added after the run was concluded", NOT_READ,
+        "was changed after the run was concluded: 7 bytes instead of 6",
+    )  # fmt: skip
+    for how in ways:
+        said = say(record.format(reason=f"result.json: {how}"))
+        assert "result.json" in said
+        assert not re.search(r"\b(was|run|is|bytes)\b", said), said
+    assert "measured" in say("Unit {serial} failed.".format(serial="measured"))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_a_lot_is_too_small_for_is_said_in_each_language(language: str) -> None:
+    say = words_of(language)
+    for values, make in itertools.product(([], [1.0], [1.0] * 10), (control_chart, partial(capability, upper=2.0))):
+        with pytest.raises(AnalysisError) as found:
+            make(values)
+        assert say(str(found.value)) != str(found.value)
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_cause_and_a_group_are_called_as_in_the_other_tables(language: str) -> None:
+    say = words_of(language)
+    side = say("side {side}", side="+")
+    assert quality_figures.cause_title("backlash_width_3pct width side +", say) == f"Backlash, {side}"
+    assert quality_figures.cause_title("lost_motion mean side +", say) == f"Lost motion, {side}"
+    assert " to " not in say("14:00 to 22:00") + say("030° to 060°")
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_reason_on_trial_is_said_to_its_end(language: str) -> None:
+    reason = (
+        "1 arcmin is too near to the limit of 1 arcmin for its uncertainty of 0.1 arcmin: it is neither PASS nor FAIL"
+    )
+    for more in ("and 1 further reason", "and 2 further reasons"):
+        said = trial_html.why_said(f"Backlash: {reason}; measure more cycles; {more}", words_of(language))
+        assert not re.search(r"\b(is|measure|and|further)\b", said), said
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_a_study_is_refused_for_has_the_label_of_its_field(language: str) -> None:
+    say = words_of(language)
+    refused = {"parts": "List should have at least 1 item after validation, not 0"}
+    refused |= {option: f"{option}: found 1; a gage study has 2 trials or more" for option in studies.OPTIONS}
+    for name, text in refused.items():
+        said = studies.refused_said(name, text, say)
+        assert say(studies.FIELDS[studies.OPTIONS.get(name, name)]) in said
+        assert not re.search("--|List should", said)
+    assert "--" not in on_page("give one value for each --metric, in the same order")
 
 
 def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_is_left() -> None:

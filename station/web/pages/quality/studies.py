@@ -29,6 +29,7 @@ from station.web.pages.frame import act, still_open
 from station.web.pages.quality.ability_text import capable_said, gage_said, indices_said, measured_said
 from station.web.pages.quality.parts import card
 from station.web.pages.quality_figures import side_title
+from station.web.pages.words import EMPTY, on_page
 from station.web.people.accounts import Session
 from station.web.station import Station
 
@@ -44,6 +45,18 @@ MISSING_BY = (
     "missing: unit {part} by {operator}: trials {trials}",
 )
 """What is said of one trial and of several."""
+
+FIELDS = {
+    "study": "Name of the study", "kind": "Kind", "parts": "Serial numbers", "operators": "Operators",
+    "metrics": "Metrics", "references": "Known values", "tolerances": "Tolerances", "trials": "Trials",
+}  # fmt: skip
+"""Fields of the form by what the action calls them: how the label of each begins."""
+
+OPTIONS = {
+    "--kind": "kind", "--part": "parts", "--operator": "operators", "--metric": "metrics", "--reference": "references",
+    "--tolerance": "tolerances", "--trials": "trials",
+}  # fmt: skip
+"""Which field of the form stands for an option of the command."""
 
 
 @dataclass(frozen=True)
@@ -100,6 +113,18 @@ def figure_said(figure: Figure, say: Words) -> str:
     one, series = figure.study, figure.series
     what = side_title(series.metric, series.side, say)
     return f"{capable_said(one, say)}: {what}: {indices_said(one, say)} {measured_said(one, say)}"
+
+
+def refused_said(name: str, text: str, say: Words) -> str:
+    """Return why a study was not begun, with the label of the field that it is about; name: of what was refused."""
+    option, _, rest = text.partition(": ")
+    field = OPTIONS.get(option, name.partition(".")[0])
+    why = say(on_page(rest if option in OPTIONS else text))
+    if field not in FIELDS:
+        return why
+    if EMPTY.fullmatch(text):
+        why = say("found none; fill in this field")
+    return f"{say(FIELDS[field])}: {why}"
 
 
 class GuidedStudies:
@@ -207,14 +232,20 @@ class GuidedStudies:
         }  # fmt: skip
         for key, found in numbers.items():
             values[key] = list(found)
-        if await self._done("begin_study", values, self._begun):
+        if await self._done("begin_study", values, self._begun, refused_said):
             self._begun.set_text(self._words("Study {name} was begun.", name=name))
             await self._names(name)
 
-    async def _done(self, action: str, values: dict[str, JsonValue], said: ui.label) -> bool:
+    async def _done(
+        self,
+        action: str,
+        values: dict[str, JsonValue],
+        said: ui.label,
+        why: Callable[[str, str, Words], str] = lambda _name, text, say: say(text),
+    ) -> bool:
         """Do an action, and say why not; return whether it was done."""
         answer = await act(self._station, self._session, action, values)
-        said.set_text(" ".join(self._words(one.text) for one in answer.refused))
+        said.set_text(" ".join(why(one.id, one.text, self._words) for one in answer.refused))
         self._shown = None
         await self._look()
         return not answer.refused

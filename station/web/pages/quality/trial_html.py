@@ -16,6 +16,7 @@ from station.store.quality.trial import Rule
 from station.web.definition_trials import TrialState
 from station.web.languages import Words
 from station.web.pages.quality_figures import title_of
+from station.web.pages.words import FURTHER_REASONS, reason_said
 
 LEAST_S = 5.0
 """From when on it is told how long a trial takes still: what starts takes a second or two."""
@@ -149,5 +150,10 @@ def flips_html(found: Trial, most: int, say: Words) -> str:
 
 
 def why_said(why: str, say: Words) -> str:
-    """Return what decides the verdict of a run: each side that does, and what the other metrics say."""
-    return minus("; ".join(say(part) for part in why.split("; ")))
+    """Return what decides the verdict of a run: each side that does, and what the other metrics say, or its reason."""
+    first, *further = FURTHER_REASONS.split(why)
+    parts = [(one, say(one)) for one in first.split("; ")]
+    whole = reason_said(first, say)
+    # A reason of an evaluation is looked up in one piece: a semicolon is part of it.
+    pieces = [whole] if whole != first and any(one == said for one, said in parts) else [said for _, said in parts]
+    return minus("; ".join([*pieces, *(say(one) for one in further)]))

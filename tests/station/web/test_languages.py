@@ -8,10 +8,11 @@ import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
-from types import ModuleType
-from typing import get_args
+from types import ModuleType, SimpleNamespace
+from typing import Any, get_args
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
@@ -34,8 +35,10 @@ from definitions.metrics import METRICS
 from definitions.states import row_of
 from recipes import MetricWanted
 from station.documents.manifest import INJECTED, SIMULATED, STATES
+from station.quality.bench_ability import due_on
 from station.records.certificate_code import CodeError, check_code
 from station.records.clocks import CLOCK_TEXTS
+from station.records.data_folder import Store
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
 from station.records.seal import NOT_READ
 from station.reports.content import PASSED
@@ -317,6 +320,22 @@ def test_a_cause_and_a_group_are_called_as_in_the_other_tables(language: str) ->
     assert quality_figures.cause_title("backlash_width_3pct width side +", say) == f"Backlash, {side}"
     assert quality_figures.cause_title("lost_motion mean side +", say) == f"Lost motion, {side}"
     assert " to " not in say("14:00 to 22:00") + say("030° to 060°")
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_one_day_one_verdict_and_one_value_are_not_many(language: str) -> None:
+    say, day = words_of(language), datetime(2026, 1, 1, tzinfo=UTC)
+    bench: Any = SimpleNamespace(bench=SimpleNamespace(name="B"), calibrations=(), master_parts=())
+    bench.fixture = SimpleNamespace(curve=SimpleNamespace(id="F-1", due=day.date() + timedelta(days=1)))
+    for moved in (0, 2):
+        (due,) = due_on(Store(Path()), bench, day + timedelta(days=moved))
+        assert re.search(r"\b1 day\b", due.text)
+        assert not re.search(r"\b(day|Tagen)\b", say(due.text))
+    for one, more in (trial_html.FLIP, trial_html.FLIP_BY_DEFINITION):
+        assert messages("de")[one] != messages("de")[more]
+    for limits, by in itertools.product(("no limit", "≤ 1 arcmin"), ("", " (recipe revision 2)")):
+        text = f"Backlash: 1 of 5 values was tested by {limits}{by}"
+        assert not re.search(r"\b(was|of|by)\b", say(text))
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -27,21 +27,29 @@ NONE = "none"
 """What takes a limit away."""
 
 
-FLIP = "{metric}: {before} so far, {after} on trial. {flips} of {runs} verdicts flip."
-FLIP_BY_DEFINITION = "{metric}: {before} so far, {definition}: {after} on trial. {flips} of {runs} verdicts flip."
+FLIP = (
+    "{metric}: {before} so far, {after} on trial. {count} of {runs} verdicts flips.",
+    "{metric}: {before} so far, {after} on trial. {count} of {runs} verdicts flip.",
+)
+FLIP_BY_DEFINITION = (
+    "{metric}: {before} so far, {definition}: {after} on trial. {count} of {runs} verdicts flips.",
+    "{metric}: {before} so far, {definition}: {after} on trial. {count} of {runs} verdicts flip.",
+)
+"""What is said of one verdict that flips, and of several."""
+
 NOT_EVALUATED = ("{count} run not evaluated:", "{count} runs not evaluated:")
 
 
 def trial_words(found: Trial, say: Words) -> str:
     """Return what was tried, and how many verdicts flip."""
     unit = unit_text(found.metric.unit)
-    return say(
-        FLIP_BY_DEFINITION if found.definition else FLIP,
+    return say.counted(
+        found.flips,
+        *(FLIP_BY_DEFINITION if found.definition else FLIP),
         metric=title_of(found.metric.metric, found.metric.choices),
         before=_rule(found.before, unit, say),
         definition=found.definition,
         after=_rule(found.after, unit, say),
-        flips=found.flips,
         runs=found.runs,
     )
 

@@ -21,6 +21,8 @@ ENGLISH = "en"
 LANGUAGES = {ENGLISH: "English", "de": "Deutsch", "zh": "中文"}
 COOKIE = "lostmotion_language"
 DECIMAL_SIGNS = {"de": ","}
+FULL_WIDTH = {"zh": str.maketrans(",;:.", "，；：。")}
+"""Marks between parts of a sentence, by the languages that write them as wide as a sign and without a blank."""
 HOLDER = re.compile(r"\{(\w+)\}")
 COUNT = "count"
 """The place holder of a whole number: '{count} runs.' is no sentence that merely ends so."""
@@ -76,6 +78,14 @@ class Words:
         """Return the figures of a text as this language writes them: with its decimal sign."""
         sign = DECIMAL_SIGNS.get(self.language, ".")
         return text if sign == "." else re.sub(r"(?<=\d)\.(?=\d)", sign, text)
+
+    def whole(self, text: str) -> str:
+        """Return what was put together of several messages, with the marks of this language between them."""
+        wide = FULL_WIDTH.get(self.language)
+        if wide is None:
+            return text
+        text = re.sub(r"(?<=[\u4e00-\u9fff])[,;:.](?= |$)", lambda found: found[0].translate(wide), text)
+        return re.sub(r"(?<=[，；：。]) +", "", text)
 
 
 @cache

@@ -59,7 +59,7 @@ def title_of(metric: str, choices: str = "") -> str:
 def side_title(what: Characteristic, side: str, say: Words) -> str:
     """Return how people call a metric on one of its sides."""
     title = title_of(what.metric, what.choices)
-    return f"{title}, {say('side {side}', side=minus(side))}" if side in ("+", "-") else title
+    return say.whole(f"{title}, {say('side {side}', side=minus(side))}") if side in ("+", "-") else title
 
 
 def cause_title(name: str, say: Words) -> str:
@@ -71,7 +71,7 @@ def cause_title(name: str, say: Words) -> str:
         what = metric  # its only branch says nothing
     words = [title_of(one) if one in METRICS else CHECKS[one].title if one in CHECKS else one for one in what.split()]
     title = say(" ".join(words))
-    return f"{title}, {say('side {side}', side=side)}" if side else title
+    return say.whole(f"{title}, {say('side {side}', side=side)}") if side else title
 
 
 def percent(share: float | None) -> str:
@@ -211,7 +211,7 @@ def chart_words(found: ChartFigure, say: Words, units_per_hour: float = 60.0) ->
         rate=f"{units_per_hour:g}",
         shifted=f"{found.shifted.points:.3g}",
     )
-    return f"{said} {told}"
+    return say.whole(f"{said} {told}")
 
 
 def signals_html(found: ChartFigure, say: Words, most: int = 6) -> str:
@@ -315,7 +315,7 @@ def trend_words(found: TrendFigure, say: Words) -> str:
     said = say("No group is apart from the others.")
     said = say("Apart from the others: {groups}.", groups=", ".join(apart)) if apart else said
     between = say(BETWEEN, share=percent(one.share_between), probability=f"{one.p_same:.2g}")
-    return f"{said} {between}"
+    return say.whole(f"{said} {between}")
 
 
 BETWEEN = "{share} of the variance lies between them (by chance alone: probability {probability})."

@@ -317,8 +317,8 @@ def test_what_a_lot_is_too_small_for_is_said_in_each_language(language: str) -> 
 def test_a_cause_and_a_group_are_called_as_in_the_other_tables(language: str) -> None:
     say = words_of(language)
     side = say("side {side}", side="+")
-    assert quality_figures.cause_title("backlash_width_3pct width side +", say) == f"Backlash, {side}"
-    assert quality_figures.cause_title("lost_motion mean side +", say) == f"Lost motion, {side}"
+    assert quality_figures.cause_title("backlash_width_3pct width side +", say) == say.whole(f"Backlash, {side}")
+    assert quality_figures.cause_title("lost_motion mean side +", say) == say.whole(f"Lost motion, {side}")
     assert " to " not in say("14:00 to 22:00") + say("030° to 060°")
 
 
@@ -389,10 +389,16 @@ def test_the_attempts_in_a_refused_retest_are_said_in_each_language(
 
 
 def test_one_thing_has_one_name_in_a_catalogue_and_figures_have_the_sign_of_the_language() -> None:
-    for language, others in (("de", "Abtrieb|Verdrehung"), ("zh", "转矩")):
+    for language, others in (
+        ("de", r"Abtrieb|Verdrehung|Zertifikat|Untergruppe|[Bb]ekannte\w* Wert|Kontrolle"),
+        ("zh", "转矩|放行|标准件|样本值|已知值"),
+    ):
         assert [text for text in messages(language).values() if re.search(others, text)] == []
     assert words_of("de").number("-1.25 N·m, ≥ 95") == "-1,25 N·m, ≥ 95"
     assert [words_of(one).number("1.25") for one in ("en", "zh")] == ["1.25", "1.25"]
+    assert words_of("zh").whole("Backlash, + 侧: 受控。 平均值. 2.5; 3") == "Backlash, + 侧：受控。平均值。2.5; 3"
+    assert [words_of(one).whole("a, b. c") for one in ("en", "de")] == ["a, b. c", "a, b. c"]
+    assert [text for text in messages("zh").values() if re.search(r"[\u4e00-\u9fff] \(|\) [\u4e00-\u9fff]", text)] == []
 
 
 @pytest.mark.parametrize("language", OTHERS)

@@ -109,10 +109,10 @@ def page_figures(data: Path, name: str) -> tuple[Figure, ...]:
 def figure_said(figure: Figure, say: Words) -> str:
     """Return a figure of a study in words."""
     if not isinstance(figure, TypeOneFigure):
-        return f"{gage_said(figure, say)}."
+        return say.whole(f"{gage_said(figure, say)}.")
     one, series = figure.study, figure.series
     what = side_title(series.metric, series.side, say)
-    return f"{capable_said(one, say)}: {what}: {indices_said(one, say)} {measured_said(one, say)}"
+    return say.whole(f"{capable_said(one, say)}: {what}: {indices_said(one, say)} {measured_said(one, say)}")
 
 
 def refused_said(name: str, text: str, say: Words) -> str:
@@ -124,7 +124,7 @@ def refused_said(name: str, text: str, say: Words) -> str:
         return why
     if EMPTY.fullmatch(text):
         why = say("found none; fill in this field")
-    return f"{say(FIELDS[field])}: {why}"
+    return say.whole(f"{say(FIELDS[field])}: {why}")
 
 
 class GuidedStudies:

@@ -164,4 +164,4 @@ def why_said(why: str, say: Words) -> str:
     whole = reason_said(first, say)
     # A reason of an evaluation is looked up in one piece: a semicolon is part of it.
     pieces = [whole] if whole != first and any(one == said for one, said in parts) else [said for _, said in parts]
-    return minus("; ".join([*pieces, *(say(one) for one in further)]))
+    return say.whole(minus("; ".join([*pieces, *(say(one) for one in further)])))

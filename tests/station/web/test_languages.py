@@ -12,7 +12,7 @@ from datetime import UTC, datetime, timedelta
 from functools import partial
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
-from typing import Any, get_args
+from typing import Any, cast, get_args
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
@@ -74,6 +74,7 @@ from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
 from station.web.people.listed import CLOSED, FIRST, LOCKED, OPEN
 from station.web.permission import Situation, Wanted, refusals, situation_of
+from station.web.recipe_text.check import LookedAt
 from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
 from station.web.station import Station
 
@@ -444,6 +445,15 @@ def test_a_reason_of_a_metric_is_in_one_language(language: str) -> None:
 
 def test_a_reason_of_a_failed_metric_is_said_in_both_forms() -> None:
     assert words_of("de")("Backlash: 1.2 arcmin, at most 1 arcmin") == "Backlash: 1.2 arcmin, höchstens 1 arcmin"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_load_curve_has_room_for_the_word_at_its_line(language: str) -> None:
+    say, looked = words_of(language), SimpleNamespace(job=object(), duration_s=60.0, peak_nm=453.2, rated_nm=412.0)
+    assert re.search("110 %(?!%)", load_curve.load_text(cast("LookedAt", looked), say))
+    options = load_curve.chart_options(say)
+    width = sum(13 if ord(letter) > 255 else 8 for letter in options["series"][0]["markLine"]["label"]["formatter"])
+    assert options["grid"]["right"] > width
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

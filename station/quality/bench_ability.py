@@ -198,6 +198,7 @@ def due_on(
     dated += [] if curve is None else [("blank test of the fixture", curve.id, curve.due)]
     for what, which, due in dated:
         left = (due - now.date()).days
-        text = f"{which}: due {due}, in {left} days" if left >= 0 else f"{which}: was due {due}, {-left} days ago"
+        days = counted(abs(left), "day")
+        text = f"{which}: due {due}, in {days}" if left >= 0 else f"{which}: was due {due}, {days} ago"
         found.append(Due(name, what, left >= 0, text))
     return tuple(found)

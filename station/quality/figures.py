@@ -187,7 +187,8 @@ def tested_by_others(row: CapabilityRow, name: str) -> list[str]:
         limits = f"{limits_text(Limits(min=one.limit_min, max=one.limit_max))} {unit}".strip()
         limits = "no limit" if one.limit_min is None and one.limit_max is None else limits
         revisions = f" (recipe revision {', '.join(map(str, one.revisions))})" if one.revisions else ""
-        said.append(f"{begin}{one.number} of {counted(of, 'value')} were tested by {limits}{revisions}")
+        were = "was" if one.number == 1 else "were"
+        said.append(f"{begin}{one.number} of {counted(of, 'value')} {were} tested by {limits}{revisions}")
     return said
 
 

@@ -22,6 +22,9 @@ from station.records.program_file import PROGRAM
 from station.records.run_record import PROFILES
 from station.there import is_there
 
+BEGUN = "begun"
+"""State of a run that was begun and nothing more: its folder is there, and its run.json waits for its name."""
+
 
 class BegunBy(NamedTuple):
     """SHA-256 of the recipe and of the bench file of a run; None for one that is not there."""
@@ -61,6 +64,15 @@ def _has_ended(lines: Iterable[Entry]) -> bool:
 
 def _one_of(lines: Iterable[Entry], kind: str) -> Entry | None:
     return next((one for one in lines if one.kind == kind), None)
+
+
+def begun_text(line: Entry) -> str:
+    """Return what is said of a run of which there is the line that begins it and nothing more, and what to do."""
+    run, unit = line.fields["run"], f"attempt {line.fields['attempt']} of unit {line.fields['serial']}"
+    return (
+        f"run {run}: {unit} was begun and not concluded; nothing was measured in it. If its process was killed, run "
+        f"'lostmotion conclude {run}'"
+    )
 
 
 def is_named_by(manifest: Manifest, chain: Chain, created: Entry) -> bool:

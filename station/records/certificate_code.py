@@ -86,8 +86,9 @@ def check_code(data: Path, text: str) -> CheckedCode:
             f"found {text.strip()[:40]!r}, which is not the code of a certificate: 'LM1.', 64 hexadecimal digits, a "
             "full stop and the run id. Scan the square on the certificate again"
         )
-    sha256, name = found[1].lower(), found[2]
-    run, chain = Store(data).by_id(name), Chain(data)
+    sha256, chain = found[1].lower(), Chain(data)
+    name = _as_written(data, chain, found[2])
+    run = Store(data).by_id(name)
     entry = _sealed(chain, name)
     if run is None:
         return _without_record(sha256, name, entry)
@@ -121,6 +122,18 @@ def _sealed(chain: Chain, run: str) -> Entry | None:
     trusted = trust_of(chain).keys
     lines = (one for one in chain.entries_of(run) if one.fields["kind"] == SEALED)
     return next((one for one in reversed(list(lines)) if one.signed and one.fields["key"] in trusted), None)
+
+
+def _as_written(data: Path, chain: Chain, name: str) -> str:
+    """Return the id of the one run that differs from a typed one by case at most; what was typed where there is none.
+
+    The hash still has to be that of this run: how somebody writes the letters makes nothing genuine.
+    """
+    if Store(data).by_id(name) is not None:
+        return name
+    known = {*Store(data).folders(), *(chain.runs() if chain.there else ())}
+    alike = [one for one in known if one.casefold() == name.casefold()]
+    return alike[0] if len(alike) == 1 and name not in known else name
 
 
 def _without_record(sha256: str, run: str, entry: Entry | None) -> CheckedCode:

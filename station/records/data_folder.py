@@ -24,7 +24,7 @@ from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess,
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
-from station.records.begun_by import beginning_of, begun_and_left, concluded_and_lost, is_begun_with
+from station.records.begun_by import beginning_of, begun_and_left, begun_text, concluded_and_lost, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED, Entry
 from station.records.chain.head import chain_seen_in
@@ -412,11 +412,7 @@ class Store:
             return
         run, serial = line.fields["run"], line.fields["serial"]
         if name in ("last", run, serial) or (by_part and name in run):
-            unit = f"attempt {line.fields['attempt']} of unit {serial}"
-            raise StationError(
-                f"run {run}: {unit} was begun and not concluded; nothing was measured in it. If its process was "
-                f"killed, run 'lostmotion conclude {run}'"
-            )
+            raise StationError(begun_text(line))
 
     def _is_run(self, name: str) -> bool:
         return is_run(self.data / name)

@@ -15,12 +15,13 @@ from rich.text import Text
 from station.documents.entries import left_out
 from station.documents.manifest import attempt_text
 from station.errors import RecordError
+from station.records.begun_by import BEGUN
 from station.records.chain.chain_file import Chain
 from station.records.run_record import RunRecord
 from station.records.seal import alterations
 from station.reports.result_text import VERDICT_STYLES
 
-STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow"}
+STATE_STYLES = {"complete": "", "recording": "cyan", "stopped": "yellow", BEGUN: "yellow"}
 GAP = 2
 
 WIDE = ("run", "serial", "attempt", "recipe", "state", "verdict", "scans")

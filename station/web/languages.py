@@ -2,12 +2,14 @@
 
 What a page shows comes from several rooms, from answers and from records that were written long ago, all in English. So
 a text is looked up as it stands, and where it holds values, by the message whose place holders leave the rest of it:
-"Unit {serial} failed." also translates "Unit SN-1 failed.". What no catalogue has stays English, and is never guessed.
+"Unit {serial} failed." also translates "Unit SN-1 failed.". A place holder may hold another message, such as the reason
+of a refusal, which is looked up too. What no catalogue has stays English, and is never guessed.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import NamedTuple
@@ -19,9 +21,13 @@ ENGLISH = "en"
 LANGUAGES = {ENGLISH: "English", "de": "Deutsch", "zh": "中文"}
 COOKIE = "lostmotion_language"
 DECIMAL_SIGNS = {"de": ","}
+FULL_WIDTH = {"zh": str.maketrans(",;:.", "，；：。")}
+"""Marks between parts of a sentence, by the languages that write them as wide as a sign and without a blank."""
 HOLDER = re.compile(r"\{(\w+)\}")
 COUNT = "count"
 """The place holder of a whole number: '{count} runs.' is no sentence that merely ends so."""
+FILE = "file"
+"""The place holder of the name of a file in a record: one word, and never the sentence before it."""
 
 
 class _Pattern(NamedTuple):
@@ -46,6 +52,14 @@ class Words:
         """Return a text in this language; values: of its place holders, where it is given with them."""
         if values:
             return HOLDER.sub(lambda found: str(values[found[1]]), self._texts.get(text, text))
+        return self._found(text, self._held)
+
+    def _held(self, text: str) -> str:
+        """Return what a place holder holds: a message has several words, and what has one may be anybody's name."""
+        return self._found(text, str) if " " in text else text
+
+    def _found(self, text: str, held: Callable[[str], str]) -> str:
+        """Return a text as a catalogue has it; held: gives what is written for what its place holders hold."""
         there = self._texts.get(text)
         if there is not None:
             return there
@@ -54,7 +68,7 @@ class Words:
         if one is None or match is None:
             return text
         parts = match.groupdict()
-        return HOLDER.sub(lambda holder: parts[holder[1]], one.becomes)
+        return HOLDER.sub(lambda holder: held(parts[holder[1]]), one.becomes)
 
     def counted(self, number: int, one: str, more: str, **values: object) -> str:
         """Return the message for one thing or the one for several, in which the number is `{count}`."""
@@ -64,6 +78,14 @@ class Words:
         """Return the figures of a text as this language writes them: with its decimal sign."""
         sign = DECIMAL_SIGNS.get(self.language, ".")
         return text if sign == "." else re.sub(r"(?<=\d)\.(?=\d)", sign, text)
+
+    def whole(self, text: str) -> str:
+        """Return what was put together of several messages, with the marks of this language between them."""
+        wide = FULL_WIDTH.get(self.language)
+        if wide is None:
+            return text
+        text = re.sub(r"(?<=[\u4e00-\u9fff])[,;:.](?= |$)", lambda found: found[0].translate(wide), text)
+        return re.sub(r"(?<=[，；：。]) +", "", text)
 
 
 @cache
@@ -83,6 +105,6 @@ def messages(language: str) -> dict[str, str]:
 
 def _matching(text: str) -> re.Pattern[str]:
     parts = HOLDER.split(text)
-    held = {COUNT: r"\d+"}
+    held = {COUNT: r"\d+", FILE: r"\S+"}
     made = (f"(?P<{one}>{held.get(one, '.+?')})" if place % 2 else re.escape(one) for place, one in enumerate(parts))
     return re.compile("".join(made), re.DOTALL)

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from station.documents.entries import plain
 from station.errors import StationError
+from station.records.begun_by import BEGUN, begun_and_left, begun_text
 from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.run.run_list import RunRow, print_runs, row
 from station.store.attempts import attempts_told
@@ -44,13 +45,15 @@ def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
         console = Console()
         print_runs(console, rows, fits=console.is_terminal)
     stream = sys.stderr if as_json else sys.stdout
-    stream.writelines(f"{line}\n" for line in [*_below(rows), *_notes(view, left_out)])
+    stream.writelines(f"{line}\n" for line in [*_below(view, rows), *_notes(view, left_out)])
     return 0
 
 
-def _below(rows: list[RunRow]) -> list[str]:
-    """Return what is said of damaged runs, each with its damage, and how runs are concluded."""
+def _below(view: View, rows: list[RunRow]) -> list[str]:
+    """Return what is said of damaged runs, each with its damage, of one that was only begun, and how to conclude."""
     lines = [f"damaged  {one.run}: {one.error}" for one in rows if one.state == "damaged"]
+    begun = begun_and_left(view.data, [one.run for one in rows if one.state == BEGUN])
+    lines += [] if begun is None else [begun_text(begun)]
     waiting = sum(one.state == NOT_CONCLUDED and not one.scanning for one in rows)
     if waiting:
         lines.append(f"runs that are not evaluated yet: {waiting}. 'lostmotion conclude --all' evaluates them")
@@ -80,7 +83,10 @@ def list_rows(view: View, runs: list[str]) -> list[RunRow]:
 
 def _missing_row(view: View, run: str) -> RunRow:
     created = next((entry.fields for entry in view.chain.entries_of(run)), {})
-    return RunRow(run=run, state="missing", serial=created.get("serial"), attempt=created.get("attempt"))
+    # Anybody can lay the file of a begun run where another was deleted, which is told as a problem.
+    lost = any(one.kind == "missing" and one.run == run for one in view.problems)
+    state = "missing" if lost or begun_and_left(view.data, [run]) is None else BEGUN
+    return RunRow(run=run, state=state, serial=created.get("serial"), attempt=created.get("attempt"))
 
 
 def _stored_row(stored: StoredRun, attempts: str | None) -> RunRow:

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from recipes import RecipeError
 from recipes.schema.bench_schema import Bench
 from station.bench.request import load_job
+from station.counted import counted
 from station.documents.manifest import MASTER
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -65,5 +66,5 @@ def _of_bench(bench: Bench, today: date) -> Iterator[Due]:
 
 def _due(bench: str, what: str, made: date, due: date, today: date) -> Due:
     left = (due - today).days
-    text = f"made {made}, due {due}: {f'{left} days left' if left >= 0 else f'{-left} days overdue'}"
+    text = f"made {made}, due {due}: {counted(abs(left), 'day')} {'left' if left >= 0 else 'overdue'}"
     return Due(bench, what, text, overdue=left < 0, soon=0 <= left <= SOON_DAYS)

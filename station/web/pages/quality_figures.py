@@ -60,13 +60,19 @@ def title_of(metric: str, choices: str = "") -> str:
 def side_title(what: Characteristic, side: str, say: Words) -> str:
     """Return how people call a metric on one of its sides."""
     title = title_of(what.metric, what.choices)
-    return f"{title}, {say('side {side}', side=minus(side))}" if side in ("+", "-") else title
+    return say.whole(f"{title}, {say('side {side}', side=minus(side))}") if side in ("+", "-") else title
 
 
-def cause_title(name: str) -> str:
-    """Return a cause with the titles of metrics and checks in place of their ids."""
-    words = [METRICS[one].title.partition(" (")[0] if one in METRICS else one for one in name.split()]
-    return " ".join(CHECKS[one].title if one in CHECKS else one for one in words)
+def cause_title(name: str, say: Words) -> str:
+    """Return a cause as people call it: titles in place of ids, and its side as in the other tables."""
+    what, _, side = name.partition(" side ")
+    metric, *more = what.split()
+    row = METRICS.get(metric)
+    if row is not None and set(more) == set(row.branches):
+        what = metric  # its only branch says nothing
+    words = [title_of(one) if one in METRICS else CHECKS[one].title if one in CHECKS else one for one in what.split()]
+    title = say(" ".join(words))
+    return say.whole(f"{title}, {say('side {side}', side=side)}") if side else title
 
 
 def percent(share: float | None) -> str:
@@ -114,7 +120,7 @@ def yield_options(found: YieldFigure, say: Words) -> Options:
 
 def causes_html(head: str, causes: Sequence[Cause], say: Words) -> str:
     """Return the commonest causes with numbers and cumulative share; a bar behind each is as long as its share."""
-    rows = [(say(cause_title(one.name)), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
+    rows = [(cause_title(one.name, say), one.number, one.share, percent(one.cumulative)) for one in causes[:MOST_BARS]]
     rest = causes[MOST_BARS:]
     if rest:
         others = say.counted(len(rest), "{count} other", "{count} others")
@@ -222,7 +228,7 @@ def chart_words(found: ChartFigure, say: Words, units_per_hour: float = 60.0) ->
         rate=f"{units_per_hour:g}",
         shifted=f"{found.shifted.points:.3g}",
     )
-    return f"{said} {told}"
+    return say.whole(f"{said} {told}")
 
 
 def signals_html(found: ChartFigure, say: Words, most: int = 6) -> str:
@@ -284,16 +290,22 @@ def _index(value: float | None) -> str:
     return "–" if value is None else f"{value:.2f}"
 
 
-def trend_options(found: TrendFigure) -> Options:
+def group_title(found: TrendFigure, name: str, say: Words) -> str:
+    """Return how people call a group: a shift and a sector have words, any other group is called as it is."""
+    return say(name) if found.by in ("shift", "lock-angle") else name
+
+
+def trend_options(found: TrendFigure, say: Words) -> Options:
     """Return the means of the groups with their intervals, about the mean of all."""
     one, unit = found.compared, unit_text(found.metric.unit)
     apart = {number for number, g in enumerate(one.groups, start=1) if not g.low <= one.mean <= g.high}
     points = _points([group.mean for group in one.groups], apart)
+    names = [f"{group_title(found, group.name, say)}\n(n = {group.number})" for group in one.groups]
     ends = [end for group in one.groups for end in (group.low, group.high)]
     decimals = _decimals(ends) + 2
     bars = [[place, round(g.low, decimals), round(g.high, decimals)] for place, g in enumerate(one.groups)]
     return _framed({
-        "xAxis": plain_axis(type="category", data=[f"{group.name}\n(n = {group.number})" for group in one.groups]),
+        "xAxis": plain_axis(type="category", data=names),
         "yAxis": plain_axis(type="value", name=unit) | _ends(ends),
         "tooltip": {"trigger": "item"},
         "series": [
@@ -318,11 +330,11 @@ WHISKER = """(params, api) => {
 def trend_words(found: TrendFigure, say: Words) -> str:
     """Return what the groups say."""
     one = found.compared
-    apart = [group.name for group in one.groups if not group.low <= one.mean <= group.high]
+    apart = [group_title(found, group.name, say) for group in one.groups if not group.low <= one.mean <= group.high]
     said = say("No group is apart from the others.")
     said = say("Apart from the others: {groups}.", groups=", ".join(apart)) if apart else said
     between = say(BETWEEN, share=percent(one.share_between), probability=f"{one.p_same:.2g}")
-    return f"{said} {between}"
+    return say.whole(f"{said} {between}")
 
 
 BETWEEN = "{share} of the variance lies between them (by chance alone: probability {probability})."

@@ -58,6 +58,8 @@ def verdict_text(one: StoredRun) -> str:
 TOLD_ATTEMPTS = re.compile(r"This unit was measured .*?\((?P<told>attempt .+)\)[.;] .+")
 """A refused retest, which tells of the attempts before it."""
 
+TOLD = "{told}"
+
 MEASURED_AGAIN = "measured again: "
 
 LIMIT_REASON = re.compile(
@@ -72,6 +74,29 @@ SPREAD_REASON = re.compile("; (?=standard deviation over the cycles |a standard 
 PLACES = re.compile(r"(?<=a ramp was interrupted \().+(?=\); )")
 """Where ramps were interrupted, in the reason of a k of its own."""
 
+FURTHER_REASONS = re.compile(r"; (?=and [0-9]+ further reasons?$)")
+"""Where the reason of a run is followed by how many it has besides."""
+
+ON_PAGE = {
+    "choose them with --virtual": "choose the virtual bench as Units",
+    "leave out --virtual": "choose real units as Units",
+    "Add --virtual for units of the virtual bench": "Choose the virtual bench as Units for its units",
+    "give it with --tolerance": "enter it as Tolerance",
+    "for each --metric": "for each metric",
+    "Leave this option out": "Leave this field empty",
+}
+"""What a message says of an option of a command, and what a page says of its own field instead."""
+
+EMPTY = re.compile("List should have at least 1 item .*")
+"""What is said of a field that was left empty and holds several things."""
+
+
+def on_page(text: str) -> str:
+    """Return a message with the fields of the page in place of the options of a command."""
+    for option, field in ON_PAGE.items():
+        text = text.replace(option, field)
+    return text
+
 
 def attempts_said(text: str, say: Words) -> str:
     """Return which attempt a run is and what became of those before in a language, from the words of a record.
@@ -83,8 +108,11 @@ def attempts_said(text: str, say: Words) -> str:
 
 def refusal_said(text: str, say: Words) -> str:
     """Return why a scan was refused in a language, with the attempts that it tells of."""
-    found, said = TOLD_ATTEMPTS.fullmatch(text), say(text)
-    return said if found is None else said.replace(found["told"], attempts_said(found["told"], say))
+    found = TOLD_ATTEMPTS.fullmatch(text)
+    if found is None:
+        return say(text)
+    # What is told of attempts has its own words, so it is kept from being looked up with the rest.
+    return say(text.replace(found["told"], TOLD)).replace(TOLD, attempts_said(found["told"], say))
 
 
 def _attempt_said(part: str, say: Words) -> str:

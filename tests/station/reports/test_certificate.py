@@ -85,6 +85,8 @@ def test_a_code_is_genuine_altered_or_unknown(data: Path, tmp_path: Path) -> Non
     code = code_of(run)
     found = check_code(copied, f"  {code.upper().replace(run.id.upper(), run.id)}\r\n")
     assert (found.standing, found.verdict, found.serial) == (GENUINE, "FAIL", run.serial())
+    for typed in (code.lower(), code.upper()):
+        assert (check_code(copied, typed).standing, check_code(copied, typed).run) == (GENUINE, run.id)
     other_hash = code.replace(code[4:12], "00000000")
     assert check_code(copied, other_hash).standing == ALTERED
     assert check_code(copied, code.replace(run.id, "20200101T000000.000Z-NONE")).standing == UNKNOWN

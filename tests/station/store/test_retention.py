@@ -120,6 +120,7 @@ def test_what_was_removed_is_named_and_a_restore_brings_it_all_back(data: Path, 
     assert "retention rule good" in row.altered
     assert row.verdict is None
     assert (check_code(data, code).standing, check_code(data, code).verdict) == (GENUINE, "PASS")
+    assert check_code(data, code.lower()).standing == GENUINE, "the chain alone knows how it is written"
     missing = next(run for run in Store(data).runs() if run.serial() == "BAD-1")
     shutil.rmtree(missing.folder)
     assert [one.run for one in verify_folder(data).problems if one.kind == "missing"] == [missing.id]

@@ -26,7 +26,8 @@ from station.cli.line.stored_values import stored_values
 from station.cli.runs.list_runs import NEWEST, list_rows
 from station.quality.dfq.write import dfq_of_lot
 from station.quality.figures import capability_of, causes_of, trend_of, yield_of
-from station.records.chain.chain_file import CHAIN, Chain
+from station.records.begun_by import BEGUN
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.data_folder import Store
 from station.records.revisions.revision import hash_of
 from station.records.run_record import RunRecord
@@ -131,6 +132,20 @@ def test_a_list_is_as_long_as_is_asked_for(lot: Path) -> None:
     assert "9 older runs are not shown" in ran.err
     assert len(here("list", "--data", str(lot), "--all", "--json").json) == 12
     assert NEWEST >= 10
+
+
+def test_a_run_that_was_begun_and_left_is_no_missing_one(lot: Path) -> None:
+    folder = Store(lot).create("LEFT", SETUP, {}).folder
+    (folder / "run.json").rename(folder / CREATED_MANIFEST)
+    listed, shown = here("list", "--data", str(lot)), here("show", folder.name, "--data", str(lot))
+    states = {one["run"]: one["state"] for one in here("list", "--data", str(lot), "--json").json}
+    assert states[folder.name] == BEGUN
+    assert f"lostmotion conclude {folder.name}" in shown.err
+    assert f"lostmotion conclude {folder.name}" in listed.out
+    sealed = Store(lot).newest(1)[0].folder
+    (sealed / "run.json").rename(sealed / CREATED_MANIFEST)
+    states = {one["run"]: one["state"] for one in here("list", "--data", str(lot), "--json").json}
+    assert states[sealed.name] == "missing", "somebody hides what was deleted"
 
 
 DEEDS: dict[str, tuple[Callable[[Path], object], str]] = {

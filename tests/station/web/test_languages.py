@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import ast
 import inspect
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+from functools import partial
 from pathlib import Path
-from types import ModuleType
-from typing import get_args
+from types import ModuleType, SimpleNamespace
+from typing import Any, cast, get_args
 
 import pytest
 from station_support import PASSWORD, client_of, write_models
@@ -18,8 +21,10 @@ from test_start_permission import cases
 from analysis.evaluation.evaluate import _because, judged_spread
 from analysis.evaluation.metric_result import SideValue
 from analysis.evaluation.verdict import Verdict
-from analysis.line.control_chart import SpreadKind
+from analysis.line.capability import capability
+from analysis.line.control_chart import SpreadKind, control_chart
 from analysis.line.run_rules import RULES
+from analysis.trace.errors import AnalysisError
 from analysis.uncertainty import left_open
 from analysis.uncertainty.budget import Budget, BudgetRow
 from analysis.uncertainty.scatter import COVERAGES, coverage_of
@@ -30,9 +35,12 @@ from definitions.metrics import METRICS
 from definitions.states import row_of
 from recipes import MetricWanted
 from station.documents.manifest import INJECTED, SIMULATED, STATES
+from station.quality.bench_ability import due_on
 from station.records.certificate_code import CodeError, check_code
 from station.records.clocks import CLOCK_TEXTS
+from station.records.data_folder import Store
 from station.records.master_parts import AS_IT_SHOULD, GOOD_ONE_FAILED, NOT_AS_IT_SHOULD, NOT_MEASURED
+from station.records.seal import NOT_READ
 from station.reports.content import PASSED
 from station.reports.headline import BENCH_FAULT, FAULTS_INJECTED, STOPPED_BY
 from station.web.actions.jog import NO_JOG
@@ -60,12 +68,13 @@ from station.web.pages.quality import ability_text, batch, bench, parts, studies
 from station.web.pages.quality import page as quality_page
 from station.web.pages.recipes import diff, dry_run_html, editor, load_curve, revisions
 from station.web.pages.recipes import page as recipes_page
-from station.web.pages.words import Shown, attempts_said, reason_said, refusal_said
+from station.web.pages.words import Shown, attempts_said, on_page, reason_said, refusal_said
 from station.web.people.accounts import ROLES, chosen_language
 from station.web.people.accounts import WRONG as WRONG_PASSWORD
 from station.web.people.badges import WRONG as WRONG_BADGE
 from station.web.people.listed import CLOSED, FIRST, LOCKED, OPEN
 from station.web.permission import Situation, Wanted, refusals, situation_of
+from station.web.recipe_text.check import LookedAt
 from station.web.scanner_test import CAPS_LOCK, LAYOUT, OTHER
 from station.web.station import Station
 
@@ -281,6 +290,77 @@ def test_values_are_taken_over_as_they_are() -> None:
     assert [say.counted(number, *counted) for number in (1, 2)] == ["1 Prüfung.", "2 Prüfungen."]
 
 
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_message_in_a_place_holder_is_said_too_and_a_name_is_not(language: str) -> None:
+    say = words_of(language)
+    record = "The record is not as it was when the run was concluded: {reason}."
+    ways = (
+        "was added after the run was concluded", NOT_READ,
+        "was changed after the run was concluded: 7 bytes instead of 6",
+    )  # fmt: skip
+    for how in ways:
+        said = say(record.format(reason=f"result.json: {how}"))
+        assert "result.json" in said
+        assert not re.search(r"\b(was|run|is|bytes)\b", said), said
+    assert "measured" in say("Unit {serial} failed.".format(serial="measured"))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_a_lot_is_too_small_for_is_said_in_each_language(language: str) -> None:
+    say = words_of(language)
+    for values, make in itertools.product(([], [1.0], [1.0] * 10), (control_chart, partial(capability, upper=2.0))):
+        with pytest.raises(AnalysisError) as found:
+            make(values)
+        assert say(str(found.value)) != str(found.value)
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_cause_and_a_group_are_called_as_in_the_other_tables(language: str) -> None:
+    say = words_of(language)
+    side = say("side {side}", side="+")
+    assert quality_figures.cause_title("backlash_width_3pct width side +", say) == say.whole(f"Backlash, {side}")
+    assert quality_figures.cause_title("lost_motion mean side +", say) == say.whole(f"Lost motion, {side}")
+    assert " to " not in say("14:00 to 22:00") + say("030° to 060°")
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_one_day_one_verdict_and_one_value_are_not_many(language: str) -> None:
+    say, day = words_of(language), datetime(2026, 1, 1, tzinfo=UTC)
+    bench: Any = SimpleNamespace(bench=SimpleNamespace(name="B"), calibrations=(), master_parts=())
+    bench.fixture = SimpleNamespace(curve=SimpleNamespace(id="F-1", due=day.date() + timedelta(days=1)))
+    for moved in (0, 2):
+        (due,) = due_on(Store(Path()), bench, day + timedelta(days=moved))
+        assert re.search(r"\b1 day\b", due.text)
+        assert not re.search(r"\b(day|Tagen)\b", say(due.text))
+    for one, more in (trial_html.FLIP, trial_html.FLIP_BY_DEFINITION):
+        assert messages("de")[one] != messages("de")[more]
+    for limits, by in itertools.product(("no limit", "≤ 1 arcmin"), ("", " (recipe revision 2)")):
+        text = f"Backlash: 1 of 5 values was tested by {limits}{by}"
+        assert not re.search(r"\b(was|of|by)\b", say(text))
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_reason_on_trial_is_said_to_its_end(language: str) -> None:
+    reason = (
+        "1 arcmin is too near to the limit of 1 arcmin for its uncertainty of 0.1 arcmin: it is neither PASS nor FAIL"
+    )
+    for more in ("and 1 further reason", "and 2 further reasons"):
+        said = trial_html.why_said(f"Backlash: {reason}; measure more cycles; {more}", words_of(language))
+        assert not re.search(r"\b(is|measure|and|further)\b", said), said
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_what_a_study_is_refused_for_has_the_label_of_its_field(language: str) -> None:
+    say = words_of(language)
+    refused = {"parts": "List should have at least 1 item after validation, not 0"}
+    refused |= {option: f"{option}: found 1; a gage study has 2 trials or more" for option in studies.OPTIONS}
+    for name, text in refused.items():
+        said = studies.refused_said(name, text, say)
+        assert say(studies.FIELDS[studies.OPTIONS.get(name, name)]) in said
+        assert not re.search("--|List should", said)
+    assert "--" not in on_page("give one value for each --metric, in the same order")
+
+
 def test_attempts_are_told_in_each_language_and_what_a_person_gave_as_a_reason_is_left() -> None:
     text = "attempt 4; attempt 1 FAIL Backlash, Lost motion; attempt 2 stopped; attempt 3 not concluded"
     assert attempts_said(text, words_of(ENGLISH)) == text
@@ -310,10 +390,16 @@ def test_the_attempts_in_a_refused_retest_are_said_in_each_language(
 
 
 def test_one_thing_has_one_name_in_a_catalogue_and_figures_have_the_sign_of_the_language() -> None:
-    for language, others in (("de", "Abtrieb|Verdrehung"), ("zh", "转矩")):
+    for language, others in (
+        ("de", r"Abtrieb|Verdrehung|Zertifikat|Untergruppe|[Bb]ekannte\w* Wert|Kontrolle"),
+        ("zh", "转矩|放行|标准件|样本值|已知值"),
+    ):
         assert [text for text in messages(language).values() if re.search(others, text)] == []
     assert words_of("de").number("-1.25 N·m, ≥ 95") == "-1,25 N·m, ≥ 95"
     assert [words_of(one).number("1.25") for one in ("en", "zh")] == ["1.25", "1.25"]
+    assert words_of("zh").whole("Backlash, + 侧: 受控。 平均值. 2.5; 3") == "Backlash, + 侧：受控。平均值。2.5; 3"
+    assert [words_of(one).whole("a, b. c") for one in ("en", "de")] == ["a, b. c", "a, b. c"]
+    assert [text for text in messages("zh").values() if re.search(r"[\u4e00-\u9fff] \(|\) [\u4e00-\u9fff]", text)] == []
 
 
 @pytest.mark.parametrize("language", OTHERS)
@@ -359,6 +445,15 @@ def test_a_reason_of_a_metric_is_in_one_language(language: str) -> None:
 
 def test_a_reason_of_a_failed_metric_is_said_in_both_forms() -> None:
     assert words_of("de")("Backlash: 1.2 arcmin, at most 1 arcmin") == "Backlash: 1.2 arcmin, höchstens 1 arcmin"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_load_curve_has_room_for_the_word_at_its_line(language: str) -> None:
+    say, looked = words_of(language), SimpleNamespace(job=object(), duration_s=60.0, peak_nm=453.2, rated_nm=412.0)
+    assert re.search("110 %(?!%)", load_curve.load_text(cast("LookedAt", looked), say))
+    options = load_curve.chart_options(say)
+    width = sum(13 if ord(letter) > 255 else 8 for letter in options["series"][0]["markLine"]["label"]["formatter"])
+    assert options["grid"]["right"] > width
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

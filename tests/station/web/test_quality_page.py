@@ -79,7 +79,7 @@ def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> 
     marked = [point for point in options["series"][0]["data"] if "symbol" in point]
     assert len(marked) == len({one.point for one in chart.chart.signals}) == 2
     assert chart.runs[-1] in signals_html(chart, SAY)
-    assert len(trend_options(trend)["series"][0]["data"]) == 3, "Anna, the script, and nobody"
+    assert len(trend_options(trend, SAY)["series"][0]["data"]) == 3, "Anna, the script, and nobody"
     assert 'class="FAIL"' in table
 
 

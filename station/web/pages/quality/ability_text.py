@@ -36,7 +36,7 @@ def measured_said(one: TypeOne, say: Words) -> str:
         tolerance=f"{one.tolerance:.4g}",
     )
     least = say("The smallest tolerance that this bench measures so is {least}.", least=f"{one.least_tolerance:.3g}")
-    return f"{told} {least}"
+    return say.whole(f"{told} {least}")
 
 
 def gage_said(figure: GageFigure, say: Words) -> str:

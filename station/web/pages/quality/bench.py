@@ -40,7 +40,7 @@ class BenchTab:
             with card(say("Type 1 study: is this bench good enough for the tolerance?")):
                 with ui.row().classes("lm-choose-row"):
                     self._reference = ui.number(say("Known value")).props("outlined dense")
-                    self._tolerance = ui.number(say("Tolerance (empty: as in the recipe)"))
+                    self._tolerance = ui.number(say("Tolerance (empty: recipe)"))
                     self._tolerance.props("outlined dense")
                     ui.button(say("Judge"), on_click=self._judge).props("outline no-caps")
                 self._type_one = ui.html("", sanitize=False).props('role="status"')
@@ -93,7 +93,7 @@ class BenchTab:
             if found.trend is not None:
                 said = "; ".join(say(one.text) for one in found.trend.signals) or say("In control.")
             runs = say.counted(len(found.series.values), "{count} run.", "{count} runs.")
-            self._said.set_text(f"{runs} {said}")
+            self._said.set_text(say.whole(f"{runs} {said}"))
             draw(self._figure, part_options(found))
 
     async def _judge(self) -> None:

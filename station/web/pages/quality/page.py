@@ -269,8 +269,8 @@ class _Quality:
         self._trend_chart.set_visibility(found is not None)
         if found is not None:
             title = side_title(found.metric, found.side, self._words)
-            self._trend_said.set_text(f"{title}. {trend_words(found, self._words)}")
-            draw(self._trend_chart, trend_options(found))
+            self._trend_said.set_text(self._words.whole(f"{title}. {trend_words(found, self._words)}"))
+            draw(self._trend_chart, trend_options(found, self._words))
 
     def _trend_asked(self) -> tuple[Lot, str, str]:
         return self._lot(), self._metric.value, self._by.value

@@ -15,6 +15,7 @@ from recipes import RecipeError
 from station.errors import StationError
 from station.web.languages import Words
 from station.web.pages.quality_figures import Options
+from station.web.pages.words import on_page
 from station.web.station import Station
 
 Found = TypeVar("Found")
@@ -27,7 +28,7 @@ async def made_beside(
     try:
         return await asyncio.to_thread(station.evaluations.figure, make, station.data, *asked)
     except (StationError, AnalysisError, RecipeError) as error:
-        said(say(str(error).replace(f"{station.data}: ", "").replace(f"{station.data}/", "")))
+        said(say(on_page(str(error).replace(f"{station.data}: ", "").replace(f"{station.data}/", ""))))
         return None
 
 

@@ -29,6 +29,7 @@ from station.web.pages.frame import act, still_open
 from station.web.pages.quality.ability_text import capable_said, gage_said, indices_said, measured_said
 from station.web.pages.quality.parts import card
 from station.web.pages.quality_figures import side_title
+from station.web.pages.words import EMPTY, on_page
 from station.web.people.accounts import Session
 from station.web.station import Station
 
@@ -45,6 +46,18 @@ MISSING_BY = (
 )
 """What is said of one trial and of several."""
 NO_NUMBER = "'{found}' is no number. Write known values and tolerances with a point, several with ; between: 0.37; 115"
+
+FIELDS = {
+    "study": "Name of the study", "kind": "Kind", "parts": "Serial numbers", "operators": "Operators",
+    "metrics": "Metrics", "references": "Known values", "tolerances": "Tolerances", "trials": "Trials",
+}  # fmt: skip
+"""Fields of the form by what the action calls them: how the label of each begins."""
+
+OPTIONS = {
+    "--kind": "kind", "--part": "parts", "--operator": "operators", "--metric": "metrics", "--reference": "references",
+    "--tolerance": "tolerances", "--trials": "trials",
+}  # fmt: skip
+"""Which field of the form stands for an option of the command."""
 
 
 @dataclass(frozen=True)
@@ -97,10 +110,22 @@ def page_figures(data: Path, name: str) -> tuple[Figure, ...]:
 def figure_said(figure: Figure, say: Words) -> str:
     """Return a figure of a study in words."""
     if not isinstance(figure, TypeOneFigure):
-        return f"{gage_said(figure, say)}."
+        return say.whole(f"{gage_said(figure, say)}.")
     one, series = figure.study, figure.series
     what = side_title(series.metric, series.side, say)
-    return f"{capable_said(one, say)}: {what}: {indices_said(one, say)} {measured_said(one, say)}"
+    return say.whole(f"{capable_said(one, say)}: {what}: {indices_said(one, say)} {measured_said(one, say)}")
+
+
+def refused_said(name: str, text: str, say: Words) -> str:
+    """Return why a study was not begun, with the label of the field that it is about; name: of what was refused."""
+    option, _, rest = text.partition(": ")
+    field = OPTIONS.get(option, name.partition(".")[0])
+    why = say(on_page(rest if option in OPTIONS else text))
+    if field not in FIELDS:
+        return why
+    if EMPTY.fullmatch(text):
+        why = say("found none; fill in this field")
+    return say.whole(f"{say(FIELDS[field])}: {why}")
 
 
 class GuidedStudies:
@@ -206,14 +231,20 @@ class GuidedStudies:
             "trials": None if self._trials.value is None else int(self._trials.value),
             "references": list(references), "tolerances": list(tolerances),
         }  # fmt: skip
-        if await self._done("begin_study", values, self._begun):
+        if await self._done("begin_study", values, self._begun, refused_said):
             self._begun.set_text(self._words("Study {name} was begun.", name=name))
             await self._names(name)
 
-    async def _done(self, action: str, values: dict[str, JsonValue], said: ui.label) -> bool:
+    async def _done(
+        self,
+        action: str,
+        values: dict[str, JsonValue],
+        said: ui.label,
+        why: Callable[[str, str, Words], str] = lambda _name, text, say: say(text),
+    ) -> bool:
         """Do an action, and say why not; return whether it was done."""
         answer = await act(self._station, self._session, action, values)
-        said.set_text(" ".join(self._words(one.text) for one in answer.refused))
+        said.set_text(" ".join(why(one.id, one.text, self._words) for one in answer.refused))
         self._shown = None
         await self._look()
         return not answer.refused

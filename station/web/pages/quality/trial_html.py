@@ -16,6 +16,7 @@ from station.store.quality.trial import Rule
 from station.web.definition_trials import TrialState
 from station.web.languages import Words
 from station.web.pages.quality_figures import title_of
+from station.web.pages.words import FURTHER_REASONS, reason_said
 
 LEAST_S = 5.0
 """From when on it is told how long a trial takes still: what starts takes a second or two."""
@@ -26,21 +27,29 @@ NONE = "none"
 """What takes a limit away."""
 
 
-FLIP = "{metric}: {before} so far, {after} on trial. {flips} of {runs} verdicts flip."
-FLIP_BY_DEFINITION = "{metric}: {before} so far, {definition}: {after} on trial. {flips} of {runs} verdicts flip."
+FLIP = (
+    "{metric}: {before} so far, {after} on trial. {count} of {runs} verdicts flips.",
+    "{metric}: {before} so far, {after} on trial. {count} of {runs} verdicts flip.",
+)
+FLIP_BY_DEFINITION = (
+    "{metric}: {before} so far, {definition}: {after} on trial. {count} of {runs} verdicts flips.",
+    "{metric}: {before} so far, {definition}: {after} on trial. {count} of {runs} verdicts flip.",
+)
+"""What is said of one verdict that flips, and of several."""
+
 NOT_EVALUATED = ("{count} run not evaluated:", "{count} runs not evaluated:")
 
 
 def trial_words(found: Trial, say: Words) -> str:
     """Return what was tried, and how many verdicts flip."""
     unit = unit_text(found.metric.unit)
-    return say(
-        FLIP_BY_DEFINITION if found.definition else FLIP,
+    return say.counted(
+        found.flips,
+        *(FLIP_BY_DEFINITION if found.definition else FLIP),
         metric=title_of(found.metric.metric, found.metric.choices),
         before=_rule(found.before, unit, say),
         definition=found.definition,
         after=_rule(found.after, unit, say),
-        flips=found.flips,
         runs=found.runs,
     )
 
@@ -149,5 +158,10 @@ def flips_html(found: Trial, most: int, say: Words) -> str:
 
 
 def why_said(why: str, say: Words) -> str:
-    """Return what decides the verdict of a run: each side that does, and what the other metrics say."""
-    return minus("; ".join(say(part) for part in why.split("; ")))
+    """Return what decides the verdict of a run: each side that does, and what the other metrics say, or its reason."""
+    first, *further = FURTHER_REASONS.split(why)
+    parts = [(one, say(one)) for one in first.split("; ")]
+    whole = reason_said(first, say)
+    # A reason of an evaluation is looked up in one piece: a semicolon is part of it.
+    pieces = [whole] if whole != first and any(one == said for one, said in parts) else [said for _, said in parts]
+    return say.whole(minus("; ".join([*pieces, *(say(one) for one in further)])))

@@ -31,7 +31,7 @@ def load_text(looked: LookedAt, say: Words) -> str:
         "{time} min, peak torque {torque} N·m ({share} of rated)",
         time=clock(looked.duration_s),
         torque=f"{looked.peak_nm:.4g}",
-        share=f"{looked.peak_nm / looked.rated_nm:.0%}",
+        share=f"{100 * looked.peak_nm / looked.rated_nm:.0f} %",
     )
 
 
@@ -49,7 +49,7 @@ def chart_options(say: Words) -> Options:
     line = {"type": "line", "data": [], "showSymbol": False, "lineStyle": {"width": 2, "color": LINE_INK}}
     return {
         "animation": False,
-        "grid": {"left": 70, "right": 50, "top": 16, "bottom": 44},
+        "grid": {"left": 70, "right": 100, "top": 16, "bottom": 44},
         "xAxis": {**axis, "name": say("time from the first ramp in s"), "nameGap": 26},
         "yAxis": {**axis, "name": say("output torque in N·m"), "nameGap": 48},
         "series": [{**line, "markLine": rated}],

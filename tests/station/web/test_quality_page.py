@@ -27,7 +27,7 @@ from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
 from station.web.languages import ENGLISH, LANGUAGES, words_of
-from station.web.pages.quality.studies import numbers_of
+from station.web.pages.quality.parts import numbers_of
 from station.web.pages.quality_figures import (
     capability_html,
     causes_html,
@@ -178,6 +178,10 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(page_of: Enter, station: 
     page.get_by_label("Known value").fill("0.502")
     page.get_by_role("button", name="Judge").click()
     page.wait_for_selector("text=so its tolerance is not known")
+    page.get_by_label("Tolerance (empty").click()
+    page.keyboard.type("0,2")
+    page.get_by_role("button", name="Judge").click()
+    page.wait_for_selector("text='0,2' is no number")
     page.get_by_label("Tolerance (empty").fill("0.2")
     page.get_by_role("button", name="Judge").click()
     page.wait_for_selector("text=● capable")

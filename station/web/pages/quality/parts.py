@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import re
 from collections.abc import Callable
 from datetime import date
 from html import escape
@@ -18,6 +19,8 @@ from station.web.pages.quality_figures import Options
 from station.web.station import Station
 
 Found = TypeVar("Found")
+
+NO_NUMBER = "'{found}' is no number. Write known values and tolerances with a point, several with ; between: 0.37; 115"
 
 
 async def made_beside(
@@ -52,3 +55,17 @@ def day_of(text: str | None) -> date | None:
         return date.fromisoformat(text or "")
     except ValueError:
         return None
+
+
+def numbers_of(given: str | None) -> list[float]:
+    """Return numbers with semicolons between; ValueError by what is none.
+
+    A comma or a blank stands between no two numbers, for some write 0,37 and 1 000.
+    """
+    found = []
+    for one in filter(None, map(str.strip, re.split(r"[;\uff1b]", given or ""))):
+        try:
+            found.append(float(one))
+        except ValueError:
+            raise ValueError(one) from None
+    return found

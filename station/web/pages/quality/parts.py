@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import re
 from collections.abc import Callable
 from datetime import date
@@ -68,4 +69,6 @@ def numbers_of(given: str | None) -> list[float]:
             found.append(float(one))
         except ValueError:
             raise ValueError(one) from None
+        if not math.isfinite(found[-1]):
+            raise ValueError(one)
     return found

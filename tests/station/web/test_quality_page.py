@@ -27,7 +27,7 @@ from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
 from station.web.languages import ENGLISH, LANGUAGES, words_of
-from station.web.pages.quality.studies import numbers_of
+from station.web.pages.quality.parts import numbers_of
 from station.web.pages.quality_figures import (
     capability_html,
     causes_html,
@@ -96,19 +96,19 @@ def test_axes_and_limits_tell_values_apart_that_differ_little(tmp_path: Path) ->
     assert len({one["label"]["formatter"] for one in means["markLine"]["data"]}) == 3
     assert len({one["value"] for one in means["data"]}) == 5
     groups = [end for one in trend.compared.groups for end in (one.low, one.high)]
-    for axis, inside in ((options["yAxis"][0], held), (trend_options(trend)["yAxis"], groups)):
+    for axis, inside in ((options["yAxis"][0], held), (trend_options(trend, SAY)["yAxis"], groups)):
         width = max(inside) - min(inside)
         assert axis["min"] < min(inside) < max(inside) < axis["max"]
         assert axis["max"] - axis["min"] < 1.3 * width
-    (middle,) = trend_options(trend)["series"][1]["markLine"]["data"]
+    (middle,) = trend_options(trend, SAY)["series"][1]["markLine"]["data"]
     assert float(middle["label"]["formatter"]) == pytest.approx(trend.compared.mean, abs=1e-3)
 
 
 def test_a_comma_or_a_blank_makes_no_two_known_values_of_one() -> None:
     assert numbers_of(None) == numbers_of(" ; ") == []
     assert numbers_of("0.37;115 ; -2\uff1b3") == [0.37, 115.0, -2.0, 3.0]
-    for wrong in ("0,37", "0,37; 115", "115; 0, 37", "1 000", "0\uff0c37"):
-        with pytest.raises(ValueError, match=r"[, \uff0c]"):
+    for wrong in ("0,37", "0,37; 115", "115; 0, 37", "1 000", "0\uff0c37", "1; nan", "inf"):
+        with pytest.raises(ValueError, match=r"[, \uff0c]|nan|inf"):
             numbers_of(wrong)
 
 
@@ -178,6 +178,10 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(page_of: Enter, station: 
     page.get_by_label("Known value").fill("0.502")
     page.get_by_role("button", name="Judge").click()
     page.wait_for_selector("text=so its tolerance is not known")
+    page.get_by_label("Tolerance (empty").click()
+    page.keyboard.type("0,2")
+    page.get_by_role("button", name="Judge").click()
+    page.wait_for_selector("text='0,2' is no number")
     page.get_by_label("Tolerance (empty").fill("0.2")
     page.get_by_role("button", name="Judge").click()
     page.wait_for_selector("text=● capable")

@@ -11,7 +11,7 @@ from station.quality.bench_ability import Part
 from station.web.languages import Words
 from station.web.pages.quality.ability_text import capable_said, indices_said, measured_said
 from station.web.pages.quality.made import page_due, page_part, page_type_one
-from station.web.pages.quality.parts import card, draw, made_beside
+from station.web.pages.quality.parts import NO_NUMBER, card, draw, made_beside, numbers_of
 from station.web.pages.quality_figures import due_html, part_options
 from station.web.station import Station
 
@@ -39,8 +39,8 @@ class BenchTab:
                 self._due = ui.html("", sanitize=False)
             with card(say("Type 1 study: is this bench good enough for the tolerance?")):
                 with ui.row().classes("lm-choose-row"):
-                    self._reference = ui.number(say("Known value")).props("outlined dense")
-                    self._tolerance = ui.number(say("Tolerance (empty: recipe)"))
+                    self._reference = ui.input(say("Known value")).props("outlined dense")
+                    self._tolerance = ui.input(say("Tolerance (empty: recipe)"))
                     self._tolerance.props("outlined dense")
                     ui.button(say("Judge"), on_click=self._judge).props("outline no-caps")
                 self._type_one = ui.html("", sanitize=False).props('role="status"')
@@ -97,11 +97,16 @@ class BenchTab:
             draw(self._figure, part_options(found))
 
     async def _judge(self) -> None:
+        try:
+            references, tolerances = (numbers_of(one.value) for one in (self._reference, self._tolerance))
+        except ValueError as error:
+            self._tell(self._words(NO_NUMBER, found=error))
+            return
         part = self._asked()
-        if part is None or self._reference.value is None:
+        if part is None or len(references) != 1 or len(tolerances) > 1:
             self._tell(self._words("Choose a master part and its metric, and give its known value."))
             return
-        asked = (part, float(self._reference.value), self._tolerance.value)
+        asked = (part, references[0], tolerances[0] if tolerances else None)
         found = await made_beside(self._station, page_type_one, *asked, say=self._words, said=self._tell)
         if found is not None:
             one, say = found.study, self._words

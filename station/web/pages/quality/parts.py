@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import math
+import re
 from collections.abc import Callable
 from datetime import date
 from html import escape
@@ -19,6 +21,8 @@ from station.web.pages.words import on_page
 from station.web.station import Station
 
 Found = TypeVar("Found")
+
+NO_NUMBER = "'{found}' is no number. Write known values and tolerances with a point, several with ; between: 0.37; 115"
 
 
 async def made_beside(
@@ -53,3 +57,19 @@ def day_of(text: str | None) -> date | None:
         return date.fromisoformat(text or "")
     except ValueError:
         return None
+
+
+def numbers_of(given: str | None) -> list[float]:
+    """Return numbers with semicolons between; ValueError by what is none.
+
+    A comma or a blank stands between no two numbers, for some write 0,37 and 1 000.
+    """
+    found = []
+    for one in filter(None, map(str.strip, re.split(r"[;\uff1b]", given or ""))):
+        try:
+            found.append(float(one))
+        except ValueError:
+            raise ValueError(one) from None
+        if not math.isfinite(found[-1]):
+            raise ValueError(one)
+    return found

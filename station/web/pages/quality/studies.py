@@ -27,7 +27,7 @@ from station.web.actions.table import ACTIONS
 from station.web.languages import Words
 from station.web.pages.frame import act, still_open
 from station.web.pages.quality.ability_text import capable_said, gage_said, indices_said, measured_said
-from station.web.pages.quality.parts import card
+from station.web.pages.quality.parts import NO_NUMBER, card, numbers_of
 from station.web.pages.quality_figures import side_title
 from station.web.pages.words import EMPTY, on_page
 from station.web.people.accounts import Session
@@ -45,7 +45,6 @@ MISSING_BY = (
     "missing: unit {part} by {operator}: trials {trials}",
 )
 """What is said of one trial and of several."""
-NO_NUMBER = "'{found}' is no number. Write known values and tolerances with a point, several with ; between: 0.37; 115"
 
 FIELDS = {
     "study": "Name of the study", "kind": "Kind", "parts": "Serial numbers", "operators": "Operators",
@@ -252,17 +251,3 @@ class GuidedStudies:
 
 def _texts(given: str | None) -> list[str]:
     return [one.strip() for one in re.split(r"[,;\uff0c\uff1b]", given or "") if one.strip()]
-
-
-def numbers_of(given: str | None) -> list[float]:
-    """Return numbers with semicolons between; ValueError by what is none.
-
-    A comma or a blank stands between no two numbers, for some write 0,37 and 1 000.
-    """
-    found = []
-    for one in filter(None, map(str.strip, re.split(r"[;\uff1b]", given or ""))):
-        try:
-            found.append(float(one))
-        except ValueError:
-            raise ValueError(one) from None
-    return found

@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 import pytest
 from hypothesis import settings
@@ -48,6 +49,9 @@ if "LOSTMOTION_STATE" not in os.environ:
 else:
     MADE_HERE = None
 """Keys and heads of chains, of the tests and not of whoever runs them; workers share the folder of their parent."""
+
+STATE = {"LOSTMOTION_STATE": os.environ["LOSTMOTION_STATE"]}
+"""Runs that several files look at are signed by this key, also where the first test that asks has one of its own."""
 
 
 gc.disable()  # until all tests are loaded: what comes stays, and to search it again and again is a fifth of that time
@@ -100,7 +104,8 @@ def stored_once(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., Store
         with (shared / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)
             if not said.exists():
-                ran = here("run", *args, "--virtual-time", "--json", "--data", str(data))
+                with mock.patch.dict(os.environ, STATE):
+                    ran = here("run", *args, "--virtual-time", "--json", "--data", str(data))
                 said.write_text(json.dumps([ran.exit_code, ran.out, ran.err]), encoding="utf-8")
         return Stored(data, Ran(*json.loads(said.read_text(encoding="utf-8"))))
 

@@ -16,7 +16,6 @@ BLOCK_BYTES = 1 << 18
 LARGEST_LINES = 1 << 30
 """Bytes of such a file that are read: a chain of half a million runs. No computer runs out of memory by it."""
 
-
 ROOM_TO_CONCLUDE = 1 << 20
 """Bytes before that end which are for the conclusions of runs: none is begun or removed there."""
 

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import shutil
 import stat
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from chain_folders import a_key, another_computer
@@ -114,3 +116,12 @@ def test_the_key_command_prints_and_trusts() -> None:
     assert ran.json["public_key"] == own_key().public
     assert ran.json["trusted"] == [other]
     assert own_key().public in here("key").out
+
+
+def test_a_run_that_files_share_is_of_the_key_of_the_tests_whoever_asks_first(
+    stored_once: Callable[..., Any], quarter: Callable[[str], str], tmp_path: Path
+) -> None:
+    with pytest.MonkeyPatch.context() as other:
+        other.setenv("LOSTMOTION_STATE", str(tmp_path))
+        shared = stored_once("shared-key", quarter("rv-40e-121-quick"), "--serial", "K", "--no-report")
+    assert own_key().public in (shared.data / "chain.jsonl").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ import json
 import os
 import shutil
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from unittest import mock
@@ -71,6 +71,17 @@ def pytest_runtestloop() -> None:
 def pytest_sessionfinish() -> None:
     if MADE_HERE is not None:
         shutil.rmtree(MADE_HERE, ignore_errors=True)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def surroundings() -> Iterator[None]:
+    """Hold every file to leave the environment and the working folder to the next ones as they were."""
+    before = {**os.environ}, Path.cwd()
+    yield
+    after = {**os.environ}, Path.cwd()
+    for environment, _ in before, after:
+        environment.pop("PYTEST_CURRENT_TEST", None)
+    assert after == before
 
 
 TOO_SHORT = {"rv-40e-121-faults"}

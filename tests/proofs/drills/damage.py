@@ -23,7 +23,7 @@ from run_copies import desert  # noqa: E402
 from run_samples import as_recorded  # noqa: E402
 from stored_runs import store_lot  # noqa: E402
 
-from station.own_place import PLACE  # noqa: E402
+from station.own_place import own_place  # noqa: E402
 from station.records.ring.ring import W_PID, W_READ, W_WRITTEN, create  # noqa: E402
 from station.records.ring.writer import RingWriter  # noqa: E402
 from station.records.run_record import RunRecord, process_birth  # noqa: E402
@@ -32,6 +32,9 @@ from station.run.way_back.recover import recover  # noqa: E402
 
 CUT_AT = 1800
 """Record at which a run was torn off: it is under torque there."""
+
+OWN = "own"
+"""Keys and heads of chains, below the folder of the drill."""
 
 WAITING = 200
 REPLACEMENTS: tuple[Any, ...] = (
@@ -83,8 +86,8 @@ class Folder:
         """
         self.commands = [one for one in OTHERS if report or one != "report"]
         self.place, self.data, self.kept = place, place / "runs", place / "kept"
-        self.own = place / "own"  # keys and heads of chains: what this computer remembers is put back as well
-        os.environ[PLACE] = str(self.own)
+        self.own = place / OWN
+        assert own_place() == self.own, "whoever asks sets it: what this computer remembers is put back as well"
         self._golden(golden)
         store_lot(self.data)
         self.rings = sorted((place / "rings").glob("*"))

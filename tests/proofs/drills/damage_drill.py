@@ -6,6 +6,7 @@ before, and the recovery (`recover`) must be open; no command may end with exit 
 
 from __future__ import annotations
 
+import os
 import random
 import sys
 import tempfile
@@ -15,8 +16,10 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).parent), str(Path(__file__).parents[2]), str(Path(__file__).parents[3])]
 
-from damage import NOT_EVIDENCE, Folder  # noqa: E402 - after the path of a script run by hand
+from damage import NOT_EVIDENCE, OWN, Folder  # noqa: E402 - after the path of a script run by hand
 from lostmotion_command import ROOT, here  # noqa: E402
+
+from station.own_place import PLACE  # noqa: E402
 
 OTHERS_ASKED = 3
 """Runs of the nineteen, drawn anew for each damage, of which every single command is asked; all stand in `list`."""
@@ -30,6 +33,7 @@ def main() -> int:
     sys.stdout.write(f"{count} damages, seed {seed}\n")
     with tempfile.TemporaryDirectory(prefix="lostmotion-damage-") as name:
         place = Path(name)
+        os.environ[PLACE] = str(place / OWN)
         golden = str(ROOT / "tests" / "proofs" / "golden" / "golden.yaml")
         words = ("--serial", "R", "--virtual-time", "--no-report", "--json", "--data", str(place / "golden"))
         folder = Folder(place, here("run", golden, *words).record, report=True)

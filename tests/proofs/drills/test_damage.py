@@ -5,12 +5,18 @@ from __future__ import annotations
 import random
 from pathlib import Path
 
-from damage import NOT_EVIDENCE, Folder
+import pytest
+from damage import NOT_EVIDENCE, OWN, Folder
+
+from station.own_place import PLACE
 
 SEED, DAMAGES = 12, 4
 
 
-def test_a_damaged_run_harms_no_other_and_is_named(golden_run, tmp_path: Path) -> None:
+def test_a_damaged_run_harms_no_other_and_is_named(
+    golden_run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(PLACE, str(tmp_path / OWN))
     folder = Folder(tmp_path, golden_run.record, report=False)
     assert len(folder.ids) == 20
     states = {row["state"] for row in folder.rows().values()}

@@ -70,7 +70,12 @@ def here(*args: str, cwd: Path = ROOT) -> Ran:
     before, argv = Path.cwd(), ["lostmotion", *seeded(args)]
     os.chdir(cwd)
     try:
-        with redirect_stdout(out), redirect_stderr(err), mock.patch.object(sys, "argv", argv):
+        with (
+            redirect_stdout(out),
+            redirect_stderr(err),
+            mock.patch.object(sys, "argv", argv),
+            mock.patch.dict(os.environ),  # a command is the whole process otherwise, and may change it
+        ):
             try:
                 cli.main()
                 code = 0

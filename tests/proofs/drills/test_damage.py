@@ -13,9 +13,7 @@ from station.own_place import PLACE
 SEED, DAMAGES = 12, 4
 
 
-def test_a_damaged_run_harms_no_other_and_is_named(
-    golden_run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_damaged_run_harms_no_other_and_is_named(golden_run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(PLACE, str(tmp_path / OWN))
     folder = Folder(tmp_path, golden_run.record, report=False)
     assert len(folder.ids) == 20

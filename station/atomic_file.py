@@ -260,8 +260,10 @@ def as_json(content: Any) -> bytes:
     return (json.dumps(content, ensure_ascii=False, indent=1, allow_nan=False) + "\n").encode()
 
 
-def read_from_disk(path: Path) -> bytes:
+def read_from_disk(path: Path, most: int | None = LARGEST_DOCUMENT) -> bytes:
     """Read a file from the disk rather than from the kernel's cache of what was just written.
+
+    most: as in `read_file`.
 
     Raises:
         RecordError: the file cannot be read.
@@ -269,12 +271,17 @@ def read_from_disk(path: Path) -> bytes:
     """
     try:
         with open_file(path) as file:
-            if hasattr(os, "posix_fadvise"):
-                os.fsync(file.fileno())
-                os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
-            return file.read()
+            leave_to_disk(file)
+            return file.read() if most is None else document_bytes(file, most)
     except OSError as error:
         raise refused(path, error, "read") from error
+
+
+def leave_to_disk(file: BinaryIO) -> None:
+    """Flush an open file and drop what the kernel's cache has of it, so that it is read from the disk; or OSError."""
+    if hasattr(os, "posix_fadvise"):
+        os.fsync(file.fileno())
+        os.posix_fadvise(file.fileno(), 0, 0, os.POSIX_FADV_DONTNEED)
 
 
 class Appender:

@@ -14,12 +14,13 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from station.atomic_file import as_json, open_file, read_from_disk, refused, remove_parts, sync_folder
+from station.atomic_file import as_json, open_file, refused, remove_parts, sync_folder
 from station.documents.manifest import Checksum, Manifest, PackedSamples
 from station.documents.reading import document_in
 from station.documents.result import Decided
 from station.errors import RecordError
 from station.records.begun_by import BegunBy, beginning_of, is_named_by, not_begun_by, not_begun_with, unlike_its_line
+from station.records.chain.blocks import read_back
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import SEALED as SEALED_ENTRY
 from station.records.chain.entries import Entry
@@ -179,7 +180,7 @@ def finish_seal(record: RunRecord) -> bool:
     data = data_folder(record)
     for name in (CHAIN, INDEX):
         if is_there(data / name) is not False:
-            read_from_disk(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
+            read_back(data / name)  # one that cannot be read says nothing; and a line that was written is flushed
     found, chain = fingerprint(record.folder / CONCLUDED).sha256, Chain(data)
     if found not in _vouched(chain, record.id):
         if found not in _sealed_elsewhere(chain, record.id):

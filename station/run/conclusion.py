@@ -66,7 +66,7 @@ def conclude(record: RunRecord, job: Job, outcome: RunOutcome) -> Conclusion:
             it can be concluded again when the disk can be written again.
 
     """
-    content, layout = read_from_disk(record.samples), record.layout()
+    content, layout = read_from_disk(record.samples, most=None), record.layout()
     read_back = check_bytes(content, outcome.written, layout)
     table = table_of(content, layout) if read_back.sound else sound_table(content, layout)
     run, program = record.manifest(), StoredProgram.of(record)

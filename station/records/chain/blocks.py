@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import BinaryIO
 
-from station.atomic_file import open_file, refused
+from station.atomic_file import leave_to_disk, open_file, refused
 from station.errors import RecordError
 
 BLOCK_BYTES = 1 << 18
@@ -34,6 +34,23 @@ def refuse_larger(size: int, path: Path, most: int = LARGEST_LINES) -> None:
             f"{path}: this file is too large: {size} bytes; allowed are {most >> 20} MiB. Restore it from a "
             "backup if others wrote to it, or choose another data folder with --data"
         )
+
+
+def read_back(path: Path) -> None:
+    """Flush a file of lines and read it from the disk, however little of it is looked for behind this.
+
+    Raises:
+        RecordError: as `refuse_larger`; or the disk cannot keep it or give it back.
+
+    """
+    try:
+        with open_file(path) as file:
+            lines_bytes(file, path)
+            leave_to_disk(file)
+            while file.read(BLOCK_BYTES):
+                pass
+    except OSError as error:
+        raise refused(path, error, "read") from error
 
 
 def lines_with(path: Path, token: bytes) -> Iterator[bytes]:

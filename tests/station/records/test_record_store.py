@@ -16,7 +16,7 @@ from station_samples import IMAGE, ORDERS, SETUP
 
 import station.records.data_folder
 import station.records.ring.ring
-from station.atomic_file import NEXT_ACTIONS, Appender, read_from_disk, refused, write_atomic
+from station.atomic_file import LARGEST_DOCUMENT, NEXT_ACTIONS, Appender, read_from_disk, refused, write_atomic
 from station.bench.request import load_job
 from station.errors import RecordError, StationError
 from station.records.data_folder import Store, check_operator, check_serial
@@ -158,6 +158,18 @@ def test_a_failed_write_leaves_the_old_file_whole(tmp_path: Path, monkeypatch: p
     monkeypatch.undo()
     assert read_from_disk(path) == b"old"
     assert [item.name for item in tmp_path.iterdir()] == ["run.json"]
+
+
+def test_no_more_than_is_asked_for_is_read_from_the_disk(tmp_path: Path) -> None:
+    path = tmp_path / "result.json"
+    path.touch()
+    os.truncate(path, LARGEST_DOCUMENT + 1)  # takes no room on the disk
+    with pytest.raises(RecordError, match=f"{path}: cannot be read: this file is larger than"):
+        read_from_disk(path)
+    os.truncate(path, 9)
+    assert read_from_disk(path, 9) == read_from_disk(path, None) == bytes(9)
+    with pytest.raises(RecordError, match="larger than"):
+        read_from_disk(path, 8)
 
 
 @pytest.mark.parametrize(

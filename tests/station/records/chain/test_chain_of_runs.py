@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 import signal
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -19,12 +20,13 @@ from station.errors import RecordError
 from station.records.chain.blocks import LARGEST_LINES
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
 from station.records.chain.entries import REMOVED, entry_of
+from station.records.chain.old_index import INDEX
 from station.records.chain.walk import walk
 from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
 from station.records.process_birth import process_birth
 from station.records.run_record import RunRecord
-from station.records.seal import CONCLUDED, seal
+from station.records.seal import CONCLUDED, finish_seal, seal
 from station.records.verify import verify_folder
 from station.run.run_list import row
 from station.store.stored_runs import runs_named
@@ -164,6 +166,22 @@ def test_a_chain_beyond_all_bounds_is_named_and_not_read(
     assert f"{CHAIN}: this file is too large" in ran.err
     with pytest.raises(RecordError, match="too large"):
         Store(data).create("D", SETUP, {})
+
+
+@pytest.mark.parametrize("name", [CHAIN, INDEX])
+def test_a_seal_is_not_finished_by_lines_beyond_all_bounds_and_they_are_not_read(data: Path, name: str) -> None:
+    run = Store(data).create("D", SETUP, {})
+    run.write_json(CONCLUDED, run.read_json("run.json"))
+    (data / name).touch()
+    os.truncate(data / name, LARGEST_LINES + 1)
+    tracemalloc.start()
+    try:
+        with pytest.raises(RecordError, match=f"{name}: this file is too large"):
+            finish_seal(run)
+        assert tracemalloc.get_traced_memory()[1] < 16 << 20
+    finally:
+        tracemalloc.stop()
+    assert run.has(CONCLUDED)
 
 
 def test_a_run_that_was_begun_has_room_for_its_conclusion(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -8,8 +8,9 @@ from collections.abc import Set as AbstractSet
 
 from station.documents.manifest import MANIFEST, Manifest
 from station.errors import RecordError
-from station.records.chain.chain_file import CREATED_MANIFEST, Chain
-from station.records.chain.entries import Entry
+from station.records.begun_by import beginning_of
+from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain
+from station.records.chain.entries import SEALED, Entry
 from station.records.chain.old_index import INDEX, index_kept, runs_in
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Walk
@@ -62,6 +63,24 @@ def folder_problems(
         for run in lost
         if not (run == newest and run not in sealed and _is_being_begun(RunRecord(chain.data / run)))
     ]
+
+
+def unknown_seals(chain: Chain, runs: Iterable[str], trusted: frozenset[str]) -> list[Problem]:
+    """Return what speaks of a conclusion of runs that were begun here and are not concluded in their folders.
+
+    A line of a key that nobody trusts makes no verdict true, and keeps nobody from concluding the run. But there may
+    have been a verdict: without this nobody is told before the key is trusted.
+    """
+    problems = []
+    for run in runs:
+        keys = dict.fromkeys(one.key for one in chain.entries_of(run) if one.kind == SEALED and one.signed)
+        created = beginning_of(chain, run, trusted) if keys else None
+        if created is None or created.key not in trusted or not trusted.isdisjoint(keys):
+            continue
+        for key in keys:
+            text = f"{CHAIN} says that it is concluded, signed by {key}, which this computer does not know"
+            problems.append(Problem("unknown_key", run, f"{run}: is not concluded, but {text}"))
+    return problems
 
 
 def is_from_here(manifest: Manifest, chain: Chain) -> bool:

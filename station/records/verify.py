@@ -13,7 +13,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
 from station.records.data_folder import Store
-from station.records.folder_check import about_run, folder_problems, name_problems, runs_before
+from station.records.folder_check import about_run, folder_problems, name_problems, runs_before, unknown_seals
 from station.records.revisions.history import History
 from station.records.run_folders import is_text
 from station.records.run_record import RunRecord
@@ -88,19 +88,21 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
         problems += folder_problems(chain, known, held, about, sealed=found.sealed.keys(), removed=removed.keys())
         problems += trace_problems(data, removed)
     told = {problem.run for problem in problems if problem.kind in NAMED_ONCE}
-    concluded = 0
+    concluded = set[str]()
     for run in runs:
         if run.id in sound:
-            concluded += 1
+            concluded.add(run.id)
             continue
         try:
-            concluded += is_sealed(run.manifest())
+            concluded |= {run.id} if is_sealed(run.manifest()) else set()
             altered = alterations(run, samples=samples, chain=chain, trusted=trust.keys)
         except (RecordError, KeyError, TypeError, AttributeError) as error:
             problems.append(Problem("damaged", run.id, f"{run.id}: {error}"))
             continue
         if run.id not in told:
             problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
+    open_still = [run for run in found.sealed if run not in concluded and run not in found.removed]
+    problems += unknown_seals(chain, open_still, trust.keys)
     problems += _recipe_problems(data, trust)
     problems += [Problem("study", "", text) for text in study_problems(data, trust.keys)]
     here = {one.id for one in runs}
@@ -110,7 +112,7 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
     except RecordError as error:
         archived = set()
         problems.append(Problem("archive", "", str(error)))
-    return Verified(chain, found, trust, len(runs), concluded, problems, len(gone), len(gone & archived))
+    return Verified(chain, found, trust, len(runs), len(concluded), problems, len(gone), len(gone & archived))
 
 
 def _recipe_problems(data: Path, trust: Trust) -> list[Problem]:

@@ -25,7 +25,7 @@ from station.records.chain.chain_file import Chain
 from station.records.chain.head import chain_seen_in
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
-from station.records.folder_check import folder_problems, name_problems, runs_before
+from station.records.folder_check import folder_problems, name_problems, runs_before, unknown_seals
 from station.records.run_folders import is_text, moment_of, runs_there
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
@@ -147,7 +147,12 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     sealed = {run for run, was in stored.items() if was is not None}
     named = folder_problems(chain, known, held, _About(database, chain), sealed=sealed, removed=removed)
     told = {problem.run for problem in named}
-    view.problems = [*found.problems, *end_problems(chain, found.place), *key_problems(found, view.trust)]
+    foreign = key_problems(found, view.trust)
+    view.problems = [*found.problems, *end_problems(chain, found.place), *foreign]
+    if foreign:
+        doubtful = [run for run, was in stored.items() if was is None or run not in folders]
+        open_still = [run for run in doubtful if run not in removed]
+        view.problems += unknown_seals(chain, open_still, view.trust.keys)
     view.problems += [*old_problems, *named, *name_problems(there)]
     view.problems += [
         Problem("altered", run, f"{run}: {text}")

@@ -25,7 +25,7 @@ from station.records.chain.head import Head, head_of, keep_head
 from station.records.chain.keys import own_key, trust
 from station.records.chain.writing import writing_to
 from station.records.data_folder import Store
-from station.records.run_record import RunRecord
+from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import CONCLUDED, alterations, finish_seal, seal
 from station.records.verify import verify_folder
 from station.run.run_list import row
@@ -260,6 +260,31 @@ def test_what_another_bench_has_concluded_is_not_made_open(
         another_computer(monkeypatch, tmp_path, place)
         assert alterations(run)
         assert [one.run for one in verify_folder(data).problems if one.kind == "altered"] == [run.id]
+
+
+@pytest.mark.parametrize("manifest", [MANIFEST, CREATED_MANIFEST])
+def test_a_run_begun_here_and_concluded_by_an_unknown_bench_is_named_where_its_record_is_open(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, manifest: str
+) -> None:
+    run = Store(data).create("D", SETUP, {})
+    begun = run.read_json(MANIFEST)
+    another_computer(monkeypatch, tmp_path)
+    trust(last(data).key)
+    seal(run, state="complete", verdict="FAIL")
+    unknown = own_key().public
+    run.remove(MANIFEST)
+    run.write_json(manifest, begun)
+    monkeypatch.setenv(PLACE, str(tmp_path / "place"))
+    with look_at(data) as view:
+        for problems in (view.problems, verify_folder(data).problems):
+            (named,) = [one for one in problems if one.kind == "unknown_key" and one.run]
+            assert named.run == run.id
+            assert unknown in named.text
+            assert "key --trust" in named.sentence
+    listed = here("list", "--data", str(data))
+    assert any(line.startswith(f"PROBLEM  {run.id}: ") and unknown in line for line in listed.out.splitlines())
+    trust(unknown)
+    assert not [one for one in verify_folder(data).problems if one.kind == "unknown_key"]
 
 
 def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path) -> None:

@@ -12,7 +12,7 @@ from recipes.loader import load_source
 from recipes.schema.bench_schema import Bench
 from recipes.schema.recipe_schema import Recipe
 from recipes.schema.sequence_schema import sequence_order
-from recipes.text.problems import NO_VALUE, Problem, RecipeError, Source, nearest, one_of
+from recipes.text.problems import Problem, RecipeError, Source, nearest, one_of
 from recipes.text.quantity import QuantityError, read_quantity
 from recipes.text.section import RATED, REFERENCE
 from recipes.text.yaml_source import parse_source, read_bytes
@@ -50,9 +50,7 @@ def load_recipe(path: str | Path) -> Recipe:
     """
     named = find_recipe(path)
     recipe = parse_recipe(read_bytes(named), str(named))
-    empty = [recipe.problem(option, *NO_VALUE) for option in recipe.empty_options()]
-    if empty:
-        raise RecipeError(empty)
+    recipe.refuse_empty_options()
     return recipe
 
 

@@ -214,6 +214,11 @@ class Recipe(Section):
         found = () if self._source is None else self._source.empty_options()
         return (option for option in found if (option[0], len(option)) != ("sequence", 3))
 
+    def refuse_empty_options(self) -> None:
+        """Raise RecipeError for options of its file with nothing behind them, as `Source` does."""
+        if self._source is not None:
+            self._source.refuse_empty_options(self.empty_options())
+
     def with_source(self, source: Source) -> Recipe:
         """Return this recipe with the places of its options."""
         copy = self.model_copy()

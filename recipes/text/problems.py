@@ -139,9 +139,12 @@ class Source:
         """Yield the options that are written with nothing behind them."""
         return _empty(self.data, ())
 
-    def refuse_empty_options(self) -> None:
-        """Raise RecipeError for options with nothing behind them; not for the copies of records, which open as ever."""
-        problems = [self.problem(option, *NO_VALUE) for option in self.empty_options()]
+    def refuse_empty_options(self, empty: Iterable[OptionPath] | None = None) -> None:
+        """Raise RecipeError for options with nothing behind them; not for the copies of records, which open as ever.
+
+        empty: those of them that say nothing where they stand; None for all.
+        """
+        problems = [self.problem(option, *NO_VALUE) for option in (self.empty_options() if empty is None else empty)]
         if problems:
             raise RecipeError(problems)
 

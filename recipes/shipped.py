@@ -72,19 +72,13 @@ def parse_bench(raw: bytes, path: str) -> Bench:
 
 
 def parse_written_bench(raw: bytes, path: str) -> Bench:
-    """Load a bench from the bytes of a file that a person names: an option without a value is refused too.
+    """Load a bench from the bytes of a file that somebody writes: an option without a value is refused too.
 
-    Not in the copy in a record, which opens as ever. Raises RecipeError.
+    Raises RecipeError.
     """
     source, bench = _bench_of(raw, path)
-    if not _is_in_record(Path(path)):
-        source.refuse_empty_options()
+    source.refuse_empty_options()
     return bench
-
-
-def _is_in_record(bench: Path) -> bool:
-    """Whether a bench file is the copy in the folder of a run: nobody writes that one any more."""
-    return bench.name == "bench.yaml" and (bench.parent / "run.json").is_file()
 
 
 @lru_cache(maxsize=KEPT)

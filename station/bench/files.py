@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
-from recipes import read_bytes
+from recipes import Bench, find_bench, parse_bench, parse_written_bench, read_bytes
+from station.records.run_record import BENCH_COPY, MANIFEST
 
 
 class File(Protocol):
@@ -31,3 +32,19 @@ class FileAt:
     def content(self) -> bytes:
         """Its bytes, as they are now."""
         return read_bytes(self.path)
+
+
+def load_named_bench(name_or_path: str | Path) -> Bench:
+    """Load the bench file that a person names, by its path or its shipped name; as `named_bench`."""
+    path = find_bench(name_or_path)
+    return named_bench(read_bytes(path), path)
+
+
+def named_bench(content: bytes, path: Path) -> Bench:
+    """Return the bench in the bytes of a file that a person names; RecipeError with all of its problems.
+
+    An option without a value is one; not in the copy in a record, which nobody writes any more: it opens as ever.
+    """
+    in_record = path.name == BENCH_COPY and (path.parent / MANIFEST).is_file()
+    parse = parse_bench if in_record else parse_written_bench
+    return parse(content, str(path))

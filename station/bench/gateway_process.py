@@ -13,13 +13,13 @@ from pathlib import Path
 import uvloop
 
 from drivers.errors import DriverError
-from recipes import Bench, RecipeError, load_bench
+from recipes import Bench, RecipeError
 from recipes.schema.device_schema import ModbusDevice
 from station.bench.assemble import can_config, modbus_profile
 from station.bench.assemble_virtual import load_scenario, vocabulary_on
 from station.bench.bench_lock import alone_on
 from station.bench.bench_spec import BenchSpec
-from station.bench.files import FileAt
+from station.bench.files import FileAt, load_named_bench
 from station.bench.measuring import can_sensors
 from station.bench.virtual_bench_process import FIFO_PRIORITY
 from station.documents.reading import read_document
@@ -78,7 +78,7 @@ def main() -> int:
         except OSError as error:
             log_line("fifo_refused", str(error))
         profiles = {name: Path(path) for name, path in spec.profiles.items()}
-        serve(load_bench(spec.bench), profiles, _scenario(spec), end_with_parent=True)
+        serve(load_named_bench(spec.bench), profiles, _scenario(spec), end_with_parent=True)
     except (VirtualBenchError, RecipeError, StationError, DriverError) as error:
         log_line("refused", str(error))
         return 2

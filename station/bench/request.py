@@ -28,7 +28,6 @@ from recipes import (
     find_recipe,
     parse_bench,
     parse_recipe,
-    parse_written_bench,
     read_bytes,
     warnings,
 )
@@ -46,6 +45,7 @@ from station.bench.commissioned import (
     standings,
     watchdogs_measured,
 )
+from station.bench.files import named_bench
 from station.bench.measuring import (
     can_sensors,
     channel_problems,
@@ -288,7 +288,7 @@ def trace_file(name: str) -> Path | None:
 def as_written(path: Path) -> Source:
     """Read a bench file that is named, and has nothing left empty where it is no copy in a record."""
     source = Source.read(path)
-    parse_written_bench(source.content, str(path))
+    named_bench(source.content, path)
     return source
 
 

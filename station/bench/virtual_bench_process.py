@@ -14,10 +14,10 @@ from pathlib import Path
 
 import uvloop
 
-from recipes import Bench, RecipeError, load_bench
+from recipes import Bench, RecipeError
 from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
 from station.bench.bench_spec import BenchSpec
-from station.bench.files import FileAt
+from station.bench.files import FileAt, load_named_bench
 from station.documents.reading import document_in, read_document
 from station.records.clocks import SCAN
 from virtual_bench.config import ServerConfig
@@ -32,7 +32,7 @@ FIFO_PRIORITY = 60
 
 def serve(spec: BenchSpec) -> None:
     """Run the virtual bench of a spec until it is told to end or its parents are gone."""
-    bench = load_bench(spec.bench)
+    bench = load_named_bench(spec.bench)
     config = _config(spec, bench)
     faults = None
     if config.scenario is not None:
@@ -74,7 +74,7 @@ def prepare(like: str) -> Callable[[], int]:
     """
     with suppress(VirtualBenchError, RecipeError):
         spec = document_in(BenchSpec, like.encode(), Path("likely spec"))
-        warm_up(_config(spec, load_bench(spec.bench)).bench)
+        warm_up(_config(spec, load_named_bench(spec.bench)).bench)
     return main
 
 

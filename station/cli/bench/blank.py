@@ -11,7 +11,8 @@ from analysis.loop.measured import measure
 from analysis.loop.windup import blank_curve
 from analysis.trace.trace import Trace
 from analysis.trace.trace_files import read_trace
-from recipes import Bench, Recipe, load_bench, load_recipe
+from recipes import Bench, Recipe, load_recipe
+from station.bench.files import load_named_bench
 from station.bench.request import Source, trace_file
 from station.cli.bench.blocks import DIGITS, day_of, due_day, flow, print_block, scalar
 from station.cli.bench.usable_runs import check_measured, check_recorded, check_same_bench, usable
@@ -101,7 +102,7 @@ def _source(
                 f"file {trace}: --recipe is missing. Name the recipe with which the blank test (the loop on a rigid "
                 "dummy) was measured"
             )
-        own = None if bench is None else load_bench(bench)
+        own = None if bench is None else load_named_bench(bench)
         made = datetime.fromtimestamp(path.stat().st_mtime, UTC).date()
         return _of_file(path, own), made, load_recipe(recipe), own, f"blank-{made.isoformat()}"
     run = Store(data).find(trace)
@@ -131,7 +132,7 @@ def _of_run(run: RunRecord, recipe: str | None, bench: str | None) -> tuple[Trac
     manifest = usable(run)
     check_recorded(f"run {run.id}", manifest.verdict, run.read(Result, RESULT).reasons)
     own = Source.read(run.folder / RECIPE_COPY).recipe() if recipe is None else load_recipe(recipe)
-    where = Source.read(run.folder / BENCH_COPY).bench() if bench is None else load_bench(bench)
+    where = Source.read(run.folder / BENCH_COPY).bench() if bench is None else load_named_bench(bench)
     check_same_bench(f"run {run.id}", manifest, where)
     segments = StoredProgram.of(run).segments
     trace = trace_of(read_samples(run), segments, where, manifest.period_ns, run.id)

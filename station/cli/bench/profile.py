@@ -14,12 +14,12 @@ from drivers.can.other_controller import refuse_other_controller
 from drivers.errors import DriverError
 from drivers.servo_drive.comparison import Compared, compare_drive
 from drivers.servo_drive.unused import missing_on
-from recipes import RecipeError, find_bench, load_bench
+from recipes import RecipeError, find_bench
 from station.atomic_file import write_atomic
 from station.bench.assemble import can_config, drive_config, drive_profile
 from station.bench.bench_lock import alone_on
 from station.bench.eds_profile import ENDINGS, Draft, draft, eds_files
-from station.bench.files import FileAt
+from station.bench.files import FileAt, load_named_bench
 from station.bench.request import find_profile
 from station.cli.out_file import refuse_records
 from station.errors import BenchFaultError, StationError
@@ -130,7 +130,7 @@ def compare(bench_name: str, *, as_json: bool) -> int:
 
     """
     path = find_bench(bench_name)
-    bench = load_bench(path)
+    bench = load_named_bench(path)
     if bench.bench.embedded:
         raise StationError(
             f"{path}: the embedded virtual bench exists only during a run. Start `lostmotion virtual-bench`, and name "

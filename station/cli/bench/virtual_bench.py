@@ -7,9 +7,9 @@ from pathlib import Path
 
 import uvloop
 
-from recipes import Bench, find_bench, load_bench
+from recipes import Bench, find_bench
 from station.bench.assemble_virtual import load_scenario, server_config, vocabulary_on
-from station.bench.files import FileAt
+from station.bench.files import FileAt, load_named_bench
 from station.bench.request import find_profile
 from station.bench.virtual_bench_process import play_hardware
 from station.bench.virtual_unit import VirtualUnit, drawn_seed
@@ -71,7 +71,7 @@ def virtual_bench(
 
     """
     path = find_bench(bench_name or DEFAULT_BENCH)
-    bench = load_bench(path)
+    bench = load_named_bench(path)
     profiles = {name: find_profile(name, path) for name in bench.profile_names}
     files = {name: FileAt(at) for name, at in profiles.items()}
     faults = None if scenario is None else load_scenario(scenario, vocabulary_on(bench, files))

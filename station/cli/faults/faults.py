@@ -17,7 +17,7 @@ from faultlab.matrix.matrix import RECIPE, Cell, cells, run_matrix
 from faultlab.matrix.page import markdown, wires_markdown, write_page
 from faultlab.rows import ROWS
 from faultlab.run import run_scenario
-from recipes import RecipeError, find_bench, load_bench
+from recipes import RecipeError, find_bench
 from recipes.text.problems import Source
 from recipes.text.yaml_source import read_source
 from station.bench.assemble_virtual import (
@@ -28,6 +28,7 @@ from station.bench.assemble_virtual import (
     load_start,
     vocabulary_on,
 )
+from station.bench.files import load_named_bench
 from station.bench.request import Job, find_profile, load_job
 from station.bench.virtual_unit import VirtualUnit
 from station.cli.faults.scenario_result import say_result
@@ -50,7 +51,7 @@ def gateway(bench_name: str, scenario_path: Path) -> int:
     from station.bench.gateway_process import serve  # noqa: PLC0415 - brings the drivers
 
     bench_path = find_bench(bench_name)
-    bench = load_bench(bench_path)
+    bench = load_named_bench(bench_path)
     serve(
         bench,
         {name: find_profile(name, bench_path) for name in bench.profile_names},

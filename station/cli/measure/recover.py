@@ -17,8 +17,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
-from recipes import find_bench, load_bench
 from station.atomic_file import as_json
+from station.bench.files import load_named_bench
 from station.bench.request import Job, stored_job, stored_job_on
 from station.cli.measure.run import EXIT_BENCH
 from station.documents.entries import left_out, plain
@@ -174,7 +174,7 @@ def left_by(table: Table) -> LeftBy:
 
 def _last_run(store: Store, bench: str | None) -> RunRecord:
     """Return the newest run over wires, on this bench when one is named, or the recovery that came after it."""
-    name = None if bench is None else load_bench(find_bench(bench)).bench.name
+    name = None if bench is None else load_named_bench(bench).bench.name
     runs = [*store.runs(), *recoveries(store.data).runs()]
     virtual = False
     for run in sorted(runs, key=lambda item: item.id, reverse=True):

@@ -21,11 +21,11 @@ from recipes import (
     check_alone,
     find_bench,
     find_recipe,
-    load_bench,
     load_recipe,
     warnings,
 )
 from recipes.text.yaml_source import read_bytes
+from station.bench.files import load_named_bench
 from station.bench.request import Source
 from station.documents.manifest import RecipeHead, Software
 from station.documents.result import Evaluation, Judged, Result
@@ -72,7 +72,7 @@ def elsewhere(
     """
     recipe_file = find_recipe(recipe_name)
     recipe = _deciding_recipe(recipe_file)
-    bench = None if bench_name is None else load_bench(find_bench(bench_name))
+    bench = None if bench_name is None else load_named_bench(bench_name)
     method, wanted = method_without_run(recipe, bench), wanted_of(recipe, selection)
     figures = None if bench is None else figures_for(recipe, bench)
     trace = read_trace(path)
@@ -147,7 +147,7 @@ def _with_origin(result: Evaluation, origin: Origin, bench_name: str | None) -> 
         result = replace(result, verdict=NOT_DECIDABLE, reasons=(said, *result.reasons))
     bench = None
     if other_bench and bench_name is not None:
-        named = load_bench(find_bench(bench_name)).bench
+        named = load_named_bench(bench_name).bench
         bench = f"{named.name} rev {named.revision}"
     return replace(
         result,
@@ -184,7 +184,7 @@ def reevaluate(
     recipe_file = own_recipe if recipe_name is None else find_recipe(recipe_name)
     bench_file = own_bench if bench_name is None else find_bench(bench_name)
     recipe = Source.read(recipe_file).recipe() if recipe_name is None else _deciding_recipe(recipe_file)
-    bench = Source.read(bench_file).bench() if bench_name is None else load_bench(bench_file)
+    bench = Source.read(bench_file).bench() if bench_name is None else load_named_bench(bench_file)
     check_recipe_fits(recipe, recipe_file, measured_unit(Source.read(own_recipe).recipe()), run.id)
     other_bench = read_bytes(bench_file) != read_bytes(own_bench)
     reevaluated = selection.made or other_bench or read_bytes(recipe_file) != read_bytes(own_recipe)

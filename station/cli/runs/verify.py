@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from recipes import find_bench, load_bench
+from station.bench.files import load_named_bench
 from station.counted import counted
 from station.documents.entries import left_out, plain
 from station.errors import StationError
@@ -103,7 +103,7 @@ def _key_of(bench: str | None) -> tuple[str, ...]:
     """Return the public key of a bench file, none without one; StationError where the file names none."""
     if bench is None:
         return ()
-    key = load_bench(find_bench(bench)).bench.public_key
+    key = load_named_bench(bench).bench.public_key
     if key is None:
         raise StationError(f"--bench {bench}: bench.public_key is missing. 'lostmotion key' on its computer prints it")
     return (key,)

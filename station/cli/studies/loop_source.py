@@ -17,8 +17,9 @@ from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import SensorFigures
 from definitions.program import Sweep
 from definitions.units import ARCMIN_PER_RAD
-from recipes import find_bench, load_bench, load_recipe
+from recipes import load_recipe
 from station.bench.figures import figures_of
+from station.bench.files import load_named_bench
 from station.bench.request import trace_file
 from station.cli.runs.evaluate_anew import method_without_run
 from station.errors import StationError
@@ -64,7 +65,7 @@ def trace_source(name: str, recipe: str | None, data: Path, bench: str | None = 
     source = _of_file(path)
     if recipe is None:
         return source
-    stand = None if bench is None else load_bench(find_bench(bench))
+    stand = None if bench is None else load_named_bench(bench)
     method = method_without_run(load_recipe(recipe), stand)
     return replace(source, method=method, figures=None if stand is None else figures_of(stand))
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from analysis.trace.errors import AnalysisError
-from recipes import find_bench, load_bench
+from station.bench.files import load_named_bench
 from station.documents.validation import OPEN, PERFORMANCE, STATED, Evidence, judged
 from station.errors import StationError
 from station.quality.bench_ability import Part, due_on, type_one_of
@@ -105,7 +105,7 @@ def _marked(told: str, lot: Lot) -> str:
 
 def _due(data: Path, bench: str | None) -> Iterator[Evidence]:
     asked = "Master parts, calibrations and the blank test of the fixture are in date, and master parts read rightly"
-    found = () if bench is None else due_on(Store(data), load_bench(find_bench(bench)), WALL_CLOCK.now())
+    found = () if bench is None else due_on(Store(data), load_named_bench(bench), WALL_CLOCK.now())
     if not found:
         yield _of(asked, "no bench was named" if bench is None else "the bench file names none", OPEN, "--bench FILE")
     for one in found:

@@ -18,6 +18,7 @@ from old_runs import CONCLUDED, NAMES, run_of, unpack, with_channels
 
 from definitions.image import IMAGE_FIELDS
 from recipes import RecipeError, load_bench
+from station.bench.files import load_named_bench
 from station.bench.request import as_written, load_job, stored_job, stored_job_on
 from station.documents.reading import of_plain
 from station.errors import RecordError
@@ -295,12 +296,14 @@ def test_copies_with_an_empty_option_open_and_no_run_is_begun_by_such_a_recipe(q
         path.write_text(text, encoding="utf-8")
     recipe, bench = (str(run.folder / name) for name in (RECIPE_COPY, BENCH_COPY))
     assert stored_job(run).recipe == stored_job_on(run, bench).recipe
-    assert load_bench(bench) == as_written(Path(bench)).bench() == stored_job(run).bench
+    assert load_named_bench(bench) == as_written(Path(bench)).bench() == stored_job(run).bench
     with pytest.raises(RecipeError) as refused:
         load_job(recipe, bench)
     assert [one.option for one in refused.value.problems] == ["decision.guard_factor"]
     written = tmp_path / BENCH_COPY  # no run beside it
     shutil.copy(bench, written)
-    for load in (load_bench, as_written, lambda path: stored_job_on(run, str(path))):
+    with pytest.raises(RecipeError, match="public_key"):
+        load_bench(bench)  # which knows nothing of records
+    for load in (load_named_bench, as_written, lambda path: stored_job_on(run, str(path))):
         with pytest.raises(RecipeError, match="public_key"):
             load(written)

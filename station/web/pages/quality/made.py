@@ -6,8 +6,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from recipes import RecipeError, default_bench, find_recipe, load_bench, parse_recipe
+from recipes import RecipeError, default_bench, find_recipe, parse_recipe
 from recipes.schema.bench_schema import Bench
+from station.bench.files import load_named_bench
 from station.bench.request import Source
 from station.errors import StationError
 from station.quality.bench_ability import (
@@ -127,7 +128,7 @@ def page_due(data: Path, models: Models) -> tuple[Due, ...]:
         try:
             source = Source.read(find_recipe(recipe_file(history, one.recipe)))
             recipe = source.recipe()
-            bench = load_bench(one.bench) if one.bench else default_bench(recipe)[1]
+            bench = load_named_bench(one.bench) if one.bench else default_bench(recipe)[1]
         except (RecipeError, StationError) as error:
             found.append(Due(one.bench or one.model, "bench file", in_order=False, text=str(error).splitlines()[0]))
             continue

@@ -46,7 +46,7 @@ def choose_unit(asked: str | None, recipe: Recipe, seed: int | None = None) -> V
 
     `asked` is NAME[:SEED], by default the good unit of the recipe's model. Without `seed` one is drawn.
     """
-    unit = asked or default_unit(recipe.unit_under_test.model)
+    unit = default_unit(recipe.unit_under_test.model) if asked is None else asked
     catalogue = catalogue_of(recipe)
     found = find_unit(unit, catalogue).model
     if found != catalogue.model:

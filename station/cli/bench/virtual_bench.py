@@ -75,7 +75,7 @@ def virtual_bench(
     profiles = {name: find_profile(name, path) for name in bench.profile_names}
     files = {name: FileAt(at) for name, at in profiles.items()}
     faults = None if scenario is None else load_scenario(scenario, vocabulary_on(bench, files))
-    chosen = VirtualUnit(unit or DEFAULT_UNIT, drawn_seed() if seed is None else seed)
+    chosen = VirtualUnit(DEFAULT_UNIT if unit is None else unit, drawn_seed() if seed is None else seed)
     find_unit(chosen.name)
     log_line("noise_seed", f"noise of the sensors: --seed {chosen.seed}", seed=chosen.seed)
     config = server_config(bench, profiles, chosen, scenario=scenario, embedded=False, waits=True)

@@ -152,7 +152,7 @@ def _unit_of(how: How, scenario: Scenario, job: Job) -> VirtualUnit:
 
     A scenario names it for its own recipe. Where another recipe is for another model, that one's good unit is taken.
     """
-    unit = how.unit or scenario.start.unit or None
+    unit = (scenario.start.unit or None) if how.unit is None else how.unit
     if unit is not None and how.unit is None and how.recipe is not None:
         catalogue = catalogue_of(job.recipe)
         unit = unit if find_unit(unit, catalogue).model == catalogue.model else None

@@ -58,7 +58,7 @@ def jog(
     if why := why_no_jog(data, job):
         raise StationError(why)
     embedded = job.bench.bench.embedded
-    virtual = VirtualUnit(unit or UNIT, seed=1) if embedded else None
+    virtual = VirtualUnit(UNIT if unit is None else unit, seed=1) if embedded else None
     record = _create(data, job, virtual, None if operator is None else check_operator(operator))
     _say(f"jog at up to {show(job.speed_rad_s, SPEED)}. Hold + or - to turn, q ends it")
     with _keys_as_they_are_typed(by_lines=by_lines):

@@ -65,6 +65,7 @@ BAD = (
     (("run", "nothing.yaml"), "nothing.yaml"),
     (("run", RECIPE, "--serial", ""), "--serial"),
     (("run", RECIPE, "--unit", "P2"), "P1"),
+    (("run", RECIPE, "--unit", ""), "--unit: found '', allowed P1"),
     (("run", RECIPE, "--unit", "P1:x"), "seed"),
     (("run", "static-50nm", "--unit", "P1", "--virtual-time"), "S50, catalogue"),
     (("run", RECIPE, "--unit", "S50:3"), "'S50:3', which is of model RV-50"),
@@ -83,6 +84,7 @@ BAD = (
     (("virtual-bench", "--can", "here"), "HOST:PORT"),
     (("virtual-bench", "--modbus", "127.0.0.1:99999"), "HOST:PORT"),
     (("virtual-bench", "--unit", "P2"), "P1"),
+    (("virtual-bench", "--unit", ""), "--unit: found '', allowed P1"),
 )
 
 

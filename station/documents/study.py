@@ -14,6 +14,8 @@ from station.documents.manifest import CountFrom1, Finite, Large, Name, PathText
 
 TYPE_ONE, GAGE = "type1", "gage"
 KINDS = (TYPE_ONE, GAGE)
+CALLED = {TYPE_ONE: "type 1", GAGE: "gage"}
+"""How a study of each kind is called: a type 1 study, a gage study."""
 
 StudyKind = Annotated[str, one_of(*KINDS)]
 

@@ -12,7 +12,7 @@ from station.bench.request import load_job
 from station.cli.line.gage import gage_blocks
 from station.cli.quality.quality import NOT_SO, type_one_blocks
 from station.cli.say import Grid, say
-from station.documents.study import StudyPlan
+from station.documents.study import CALLED, StudyPlan
 from station.errors import StationError
 from station.quality.bench_ability import TypeOneFigure
 from station.quality.guided.evaluate import Figure, evaluate, refuse_incomplete
@@ -130,7 +130,7 @@ def tell_status(data: Path, name: str | None, *, as_json: bool) -> int:
     if name is None:
         all_found = [look(data, one) for one in study_names(data)]
         rows = [
-            (one.study.name, one.plan.kind, ", ".join(m.id for m in one.plan.metrics),
+            (one.study.name, CALLED[one.plan.kind], ", ".join(m.id for m in one.plan.metrics),
              f"{len(one.measured)} of {len(one.plan.order)}", one.study.person, one.study.begun[:16].replace("T", " "))
             for one in all_found
         ]  # fmt: skip
@@ -244,8 +244,8 @@ def _title(found: Standing) -> str:
         f"unit {plan.parts[0]}, {plan.trials} measurements"
     )  # fmt: skip
     return (
-        f"study {study.name}: {plan.kind} of {', '.join(one.id for one in plan.metrics)}, {design}, recipe "
-        f"{plan.recipe} revision {plan.revision} on bench {plan.bench}, order by seed {plan.seed}; "
+        f"study {study.name}: {CALLED[plan.kind]} study of {', '.join(one.id for one in plan.metrics)}, {design}, "
+        f"recipe {plan.recipe} revision {plan.revision} on bench {plan.bench}, order by seed {plan.seed}; "
         f"begun by {study.person}"
     )
 

@@ -12,6 +12,7 @@ from analysis.line.gage_study import (
     analyse_gage_study,
     gage_design,
 )
+from station.counted import counted
 from station.documents.study import TYPE_ONE, StudyMetric
 from station.errors import StationError
 from station.quality.bench_ability import Part, PartSeries, TypeOneFigure, series_of, tolerance_of, type_one_of
@@ -124,5 +125,5 @@ def _refuse_absent(standing: Standing, part: Part, found: PartSeries) -> None:
     if absent:
         raise StationError(
             f"study {standing.study.name}: the store of runs has no value of {part.metric}, side {found.side}, for "
-            f"{len(absent)} runs, such as {absent[0]}. Read the runs again with 'lostmotion store rebuild'"
+            f"{counted(len(absent), 'run')}, such as {absent[0]}. Read the runs again with 'lostmotion store rebuild'"
         )

@@ -12,7 +12,8 @@ from analysis.line.study_order import study_order
 from analysis.line.type_one import LEAST, USUAL
 from recipes import Recipe
 from station.bench.request import Job, load_job
-from station.documents.study import GAGE, KINDS, TYPE_ONE, StudyCell, StudyMetric, StudyPlan
+from station.counted import counted
+from station.documents.study import CALLED, GAGE, KINDS, TYPE_ONE, StudyCell, StudyMetric, StudyPlan
 from station.errors import StationError
 from station.records.data_folder import check_operator, check_serial
 from station.records.studies import Study, begin_study
@@ -131,7 +132,7 @@ def _check_design(kind: str, parts: Sequence[str], operators: Sequence[str], tri
     for option, found, least, what in wanted:
         if found < least:
             hint = ". Where nobody operates the bench, name who puts the unit on, or the shifts"
-            said = f"{option}: found {found}; a {kind} study has {least} {what} or more"
+            said = f"{option}: found {found}; a {CALLED[kind]} study has {least} {what} or more"
             raise StationError(said + (hint if option == "--operator" else ""))
     steps = len(parts) * max(len(operators), 1) * trials
     if steps > MOST_STEPS:
@@ -170,8 +171,8 @@ def _metrics(asked: Asked, job: Job) -> tuple[StudyMetric, ...]:
 def _one_each(option: str, given: Sequence[float], metrics: Sequence[str], *, needed: bool) -> Sequence[float | None]:
     if len(given) != len(metrics) and (given or needed):
         raise StationError(
-            f"{option}: found {len(given)} values for {len(metrics)} metrics; give one value for each --metric, in the "
-            "same order"
+            f"{option}: found {counted(len(given), 'value')} for {counted(len(metrics), 'metric')}; give one value for "
+            "each --metric, in the same order"
         )
     return given or [None] * len(metrics)
 

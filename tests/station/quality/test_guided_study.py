@@ -78,8 +78,8 @@ def data(tmp_path: Path) -> Path:
         (replace(GAGE_ASKED, parts=("A=Z9", "B")), "Z9"),
         (replace(GAGE_ASKED, tolerances=(-1.0,)), "--tolerance: found -1"),
         (replace(TYPE_ONE_ASKED, parts=("M", "N")), "--part: found 2 units; a type 1 study measures exactly one"),
-        (replace(TYPE_ONE_ASKED, trials=24), "--trials: found 24; a type1 study has 25 measurements"),
-        (replace(TYPE_ONE_ASKED, references=()), "--reference: found 0 values for 1 metrics"),
+        (replace(TYPE_ONE_ASKED, trials=24), "--trials: found 24; a type 1 study has 25 measurements"),
+        (replace(TYPE_ONE_ASKED, references=()), "--reference: found 0 values for 1 metric;"),
         (replace(TYPE_ONE_ASKED, tolerances=()), "has one limit or none, so its tolerance is not known"),
         (replace(TYPE_ONE_ASKED, recipe="nowhere.yaml"), "nowhere.yaml"),
     ],
@@ -275,7 +275,11 @@ def test_an_incomplete_design_is_refused_by_what_is_missing(data: Path) -> None:
     status = here("quality", "study", "status", "g", "--data", str(data))
     assert status.exit_code == 1
     assert "missing: unit B by Ben: trials 1 to 3" in status.out
+    assert "study g: gage study of lost_motion" in status.out
     assert "9 of 12" in here("quality", "study", "status", "--data", str(data)).out
+    begin_study(data, "t", plan(TYPE_ONE, ("A",), (), 25), "Q")
+    assert "study t: type 1 study of lost_motion" in here("quality", "study", "status", "t", "--data", str(data)).out
+    assert " type 1 " in here("quality", "study", "status", "--data", str(data)).out
 
 
 def test_runs_of_a_study_are_no_production(data: Path) -> None:

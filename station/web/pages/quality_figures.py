@@ -196,11 +196,15 @@ def _points(values: Sequence[float], marked: Collection[int]) -> list[Options]:
     ]
 
 
+def _figure(value: float, among: Sequence[float]) -> str:
+    """Return a value with the decimals that tell it from those that it is among."""
+    return f"{round(value, _decimals(among)):.12g}"
+
+
 def _lines(levels: Sequence[float], among: Sequence[float]) -> list[Options]:
     """Return a centre and its limits as lines, each with a figure that tells it from the values that it is among."""
-    decimals = _decimals(among)
     return [
-        {"yAxis": value, "label": {"formatter": f"{round(value, decimals):.12g}"},
+        {"yAxis": value, "label": {"formatter": _figure(value, among)},
          "lineStyle": {"type": "dashed" if place else "solid", "color": QUIET, "width": 1.5}}
         for place, value in enumerate(levels)
     ]  # fmt: skip
@@ -276,8 +280,9 @@ def _capability_row(row: CapabilityRow, say: Words) -> str:
     if one is None:
         return f'<tr class="OPEN"><td>{escape(name)}</td><td class="n">{escape(limit)}</td><td colspan="6">{escape(say(row.why))}</td></tr>'  # noqa: E501
     style = "FAIL" if one.overall.nearest < 1.0 else "OPEN" if one.overall.nearest < CAPABLE else ""
+    mean = _figure(one.mean, (one.mean - one.sd_overall, one.mean + one.sd_overall))
     cells = [
-        limit, str(one.values), f"{one.mean:.4g}", _index(one.within.both),
+        limit, str(one.values), mean, _index(one.within.both),
         f"{_index(one.within.nearest)} ({one.cpk_low:.2f} … {one.cpk_high:.2f})", _index(one.overall.both),
         f"{_index(one.overall.nearest)} ({one.ppk_low:.2f} … {one.ppk_high:.2f})",
     ]  # fmt: skip

@@ -90,6 +90,8 @@ def test_axes_and_limits_tell_values_apart_that_differ_little(tmp_path: Path) ->
     with production(tmp_path) as look:
         chart = chart_of(look, LOT, "lost_motion", RULE_SETS["shewhart"], subgroup=1, baseline=13)
         trend = trend_of(look, LOT, "lost_motion", "operator")
+        table = capability_html(capability_of(look, LOT), SAY)
+    assert f">{round(trend.compared.mean, 4)}<" in table
     options, limits = chart_options(chart, SAY), chart.chart.mean_limits
     held = (*chart.chart.means, limits.low, limits.high)
     means = options["series"][0]
@@ -276,7 +278,7 @@ def test_who_operates_the_bench_tries_limits_alone(page_of: Enter, station: Serv
     assert page.get_by_label("Defined as").is_hidden()
 
 
-CUT_OFF = """() => [...document.querySelectorAll('.lm-trial, .lm-trial .lm-side-by-side > *')]
+CUT_OFF = """() => [...document.querySelectorAll('.lm-capability, .lm-trial, .lm-trial .lm-side-by-side > *')]
     .filter(one => one.scrollWidth > one.clientWidth).map(one => one.innerText)"""
 
 

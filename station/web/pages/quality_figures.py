@@ -275,20 +275,29 @@ def _others(row: CapabilityRow, say: Words) -> list[str]:
 
 def _capability_row(row: CapabilityRow, say: Words) -> str:
     what, one = row.metric, row.found
-    limit = f"{limits_text(Limits(min=what.limit_min, max=what.limit_max))} {unit_text(what.unit)}"
+    limit = f"{_unbroken(limits_text(Limits(min=what.limit_min, max=what.limit_max)))} {unit_text(what.unit)}"
     name = side_title(what, row.side, say)
     if one is None:
         return f'<tr class="OPEN"><td>{escape(name)}</td><td class="n">{escape(limit)}</td><td colspan="6">{escape(say(row.why))}</td></tr>'  # noqa: E501
     style = "FAIL" if one.overall.nearest < 1.0 else "OPEN" if one.overall.nearest < CAPABLE else ""
     mean = _figure(one.mean, (one.mean - one.sd_overall, one.mean + one.sd_overall))
     cells = [
-        limit, str(one.values), mean, _index(one.within.both),
-        f"{_index(one.within.nearest)} ({one.cpk_low:.2f} … {one.cpk_high:.2f})", _index(one.overall.both),
-        f"{_index(one.overall.nearest)} ({one.ppk_low:.2f} … {one.ppk_high:.2f})",
+        limit, str(one.values), mean,
+        _index(one.within.both), _nearest(one.within.nearest, one.cpk_low, one.cpk_high),
+        _index(one.overall.both), _nearest(one.overall.nearest, one.ppk_low, one.ppk_high),
     ]  # fmt: skip
     body = "".join(f'<td class="n">{escape(minus(cell))}</td>' for cell in cells)
     word = f" {escape(say(STANDINGS[style]))}" if style else ""
     return f'<tr class="{style}"><td>{escape(name)}<b>{word}</b></td>{body}</tr>'
+
+
+def _nearest(value: float, low: float, high: float) -> str:
+    return f"{_index(value)} {_unbroken(f'({low:.2f} … {high:.2f})')}"
+
+
+def _unbroken(text: str) -> str:
+    """Return a text that stays in one line: where a column is narrow, it is broken before and behind it."""
+    return text.replace(" ", "\N{NO-BREAK SPACE}")
 
 
 def _index(value: float | None) -> str:

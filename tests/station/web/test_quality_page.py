@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime
 from functools import cache
 from pathlib import Path
@@ -284,7 +285,16 @@ CUT_OFF = """() => [...document.querySelectorAll('.lm-capability, .lm-trial, .lm
 
 @pytest.mark.wires
 @needs_browser
-def test_nothing_of_a_trial_is_cut_off_on_any_screen_in_any_language(page_of: Enter, station: Served) -> None:
+def test_nothing_of_a_trial_or_of_the_capability_is_cut_off_on_any_screen_in_any_language(
+    page_of: Enter, station: Served, folder: Path
+) -> None:
+    with production(folder) as look:
+        capability = capability_of(look, LOT)
+    (row,) = capability.rows
+    assert row.found is not None
+    what = row.metric._replace(metric="spring_constant", unit="N·m/arcmin", limit_min=95.25, limit_max=120.75)
+    wide = replace(row.found, cpk_low=-116.45, cpk_high=-104.31, ppk_low=-116.45, ppk_high=-104.31)
+    capability = replace(capability, rows=(replace(row, metric=what, found=wide),))
     page: playwright.Page = page_of("admin")
     page.set_default_timeout(LONGEST_MS)
     for language in LANGUAGES:
@@ -296,6 +306,9 @@ def test_nothing_of_a_trial_is_cut_off_on_any_screen_in_any_language(page_of: En
         page.get_by_label(say("New max")).fill("0.8")
         page.get_by_role("button", name=say("Try"), exact=True).click()
         page.wait_for_selector(".lm-flips a")
+        page.evaluate(
+            "html => { document.querySelector('.lm-capability').innerHTML = html }", capability_html(capability, say)
+        )
         for width in (1024, 1280, 1920):
             page.set_viewport_size({"width": width, "height": 800})
             page.wait_for_timeout(SETTLE_MS)

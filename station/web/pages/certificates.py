@@ -13,7 +13,15 @@ from nicegui import ui
 from station.errors import StationError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CheckedCode, attempts_of, check_code
 from station.web.languages import Words
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open, words_for
+from station.web.pages.frame import (
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    bar,
+    session_of_page,
+    still_open,
+    typed_before,
+    words_for,
+)
 from station.web.pages.words import CIRCLE, SQUARE, TRIANGLE, Shown, attempts_said, local
 from station.web.people.accounts import Session
 from station.web.station import Station
@@ -59,6 +67,7 @@ class _Certificates:
                 self._code.props("outlined dense clearable autofocus").on("keydown.enter", self._check)
                 ui.button(say("Check"), on_click=self._check, color=None).props("no-caps").classes("lm-button")
             self._found = ui.html(sanitize=False).classes("lm-stack").props('role="status" aria-live="polite"')
+        ui.timer(0.0, lambda: typed_before("certificates"), once=True)
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
 
     async def _check(self) -> None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import secrets
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Required, TypedDict
 
@@ -75,6 +77,11 @@ KEEP_SEARCH = (
 )
 """The bar leads back to what was looked for on the page of results; on that page itself it leads to all runs."""
 
+TAKE_TYPED = (
+    "(() => { const kept = sessionStorage.getItem('typed'); sessionStorage.removeItem('typed'); return kept; })()"
+)
+"""What was typed on the page that is loaded anew in another language, once: the browser's tab keeps it until then."""
+
 LONGEST_PAUSE_MS = 1000
 """How long a page waits at most before it tries again to reach a server that is away."""
 
@@ -121,7 +128,10 @@ def words_for(station: Station, session: Session | None, request: Request) -> Wo
 
 
 def bar(station: Station, session: Session, here: str, say: Words) -> ui.label:
-    """Build the bar in the person's language, and return the label in its middle, for a clock; here: of `PAGES`."""
+    """Build the bar in the person's language, and return the label in its middle, for a clock; here: of `PAGES`.
+
+    A page with fields that takes them up by `typed_before` keeps what was typed while its language is chosen.
+    """
     _hear_actions(station, session)
     ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
     ui.colors(primary=BUSY)  # what Quasar takes for its labels cannot be read on grey
@@ -137,7 +147,7 @@ def bar(station: Station, session: Session, here: str, say: Words) -> ui.label:
                     link.props('aria-current="page"')
         middle = ui.label()
         with ui.element("div").classes("lm-nav"):
-            _languages(station, session, say)
+            _languages(station, session, here, say)
             ui.label(f"{session.person.name} ({say(session.person.role)})")
     return middle
 
@@ -163,13 +173,43 @@ def _hear_actions(station: Station, session: Session) -> None:
     ui.on(ACTION_EVENT, asked)
 
 
-def _languages(station: Station, session: Session, say: Words) -> None:
+def _fields() -> list[ui.input | ui.number | ui.tabs]:
+    """Return the fields of an open page that somebody types into, and its tabs, in their order; none for a password."""
+    there = ui.context.client.elements.values()
+    found = [one for one in there if isinstance(one, ui.input | ui.number | ui.tabs)]
+    return [one for one in found if one.props.get("type") != "password"]
+
+
+def _typed_into(field: ui.input | ui.number | ui.tabs) -> object:
+    """Return what a field holds; of tabs the name of the open one, which is a tab until another is chosen."""
+    return field.value.props["name"] if isinstance(field.value, ui.tab) else field.value
+
+
+async def typed_before(here: str) -> None:
+    """Put what was typed on this page into its fields again, where its language was chosen just now; here: of `PAGES`.
+
+    They are told apart by their place, for their labels are of another language.
+    """
+    kept: object = None
+    with suppress(TimeoutError, ValueError):  # of a browser that is away, or keeps nothing
+        kept = json.loads(await ui.run_javascript(TAKE_TYPED) or "null")
+    fields = _fields()
+    match kept:
+        case [str(page), list(values)] if page == here and len(values) == len(fields):
+            for field, value in zip(fields, values, strict=True):
+                field.set_value(value)
+
+
+def _languages(station: Station, session: Session, here: str, say: Words) -> None:
     """Offer the languages; the one that is chosen is kept for the person, and for the browser's next log-in."""
 
     async def choose(language: str) -> None:
         await act(station, session, "choose_language", {"language": language})
         kept = f"{LANGUAGE_COOKIE}={language}; path=/; max-age=31536000; samesite=strict"
-        ui.run_javascript(f"document.cookie = {kept!r}; location.reload()")
+        typed = json.dumps([here, [_typed_into(one) for one in _fields()]])
+        ui.run_javascript(
+            f"sessionStorage.setItem('typed', {json.dumps(typed)}); document.cookie = {kept!r}; location.reload()"
+        )
 
     for language, name in LANGUAGES.items():
         button = ui.button(name, on_click=lambda chosen=language: choose(chosen)).props("flat dense no-caps")

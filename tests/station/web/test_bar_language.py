@@ -46,6 +46,43 @@ def test_every_page_and_its_bar_are_in_the_language_of_the_person(station: Serve
         assert english.intersection(page.evaluate(SHOWN)) == set(), address
 
 
+def test_what_was_typed_is_there_in_the_language_that_is_chosen_then(station: Served, enter: Enter) -> None:
+    page = enter("quality")
+
+    def choose(language: str) -> None:
+        page.click(f'.lm-language[lang="{language}"]')
+        page.wait_for_selector(f'.lm-language[lang="{language}"][aria-pressed="true"]')
+
+    page.goto(f"{station.url}/quality")
+    for language in ("de", "en"):
+        choose(language)  # with the tab that is open at first
+    page.get_by_role("tab", name="Guided studies").click()
+    typed = {"Name of the study": "grr-1", "Serial numbers, with commas": "SN-1, SN-2"}
+    typed["Trials (empty: 50 for type 1, 3 for gage)"] = "2"
+    for label, value in typed.items():
+        page.get_by_label(label).fill(value)
+    page.keyboard.press("Tab")
+    page.wait_for_timeout(SETTLE_MS)
+    for language in ("de", "zh"):
+        choose(language)
+        say = words_of(language)
+        page.wait_for_selector(f"[role=tab][aria-selected=true]:has-text('{say('Guided studies')}')")
+        for label, value in typed.items():
+            page.wait_for_function(
+                "([label, value]) => [...document.querySelectorAll('input')]"
+                ".some(one => one.ariaLabel === label && one.value === value)",
+                arg=[say(label), value],
+            )
+    page.goto(f"{station.url}/certificates")
+    page.fill(".lm-code input", "an unfinished code")
+    page.wait_for_timeout(SETTLE_MS)
+    choose("en")
+    page.wait_for_function("document.querySelector('.lm-code input').value === 'an unfinished code'")
+    page.reload()
+    page.wait_for_timeout(SETTLE_MS)
+    assert page.input_value(".lm-code input") == "", "kept for the choice of a language alone"
+
+
 def test_nothing_of_the_bar_lies_over_its_entries_on_a_small_screen(enter: Enter) -> None:
     page = enter("technician")
     page.set_viewport_size({"width": 1024, "height": 768})

@@ -13,7 +13,15 @@ from nicegui import ui
 from analysis.line.run_rules import RULE_SETS
 from station.store.quality.lot import Lot
 from station.web.languages import Words
-from station.web.pages.frame import LONGEST_BUILD_S, SESSION_EVERY_S, bar, session_of_page, still_open, words_for
+from station.web.pages.frame import (
+    LONGEST_BUILD_S,
+    SESSION_EVERY_S,
+    bar,
+    session_of_page,
+    still_open,
+    typed_before,
+    words_for,
+)
 from station.web.pages.quality.batch import BatchCard
 from station.web.pages.quality.bench import BenchTab
 from station.web.pages.quality.made import choices, page_capability, page_causes, page_chart, page_trend, page_yield
@@ -105,9 +113,9 @@ class _Quality:
         ui.timer(SESSION_EVERY_S, lambda: still_open(self._station, self._session))
         with ui.element("main").classes("lm-page lm-quality"):
             with ui.tabs().props("dense no-caps align=left inline-label") as tabs:
-                lot = ui.tab(say("Production"))
-                bench = ui.tab(say("Can this bench measure?"))
-                studies = ui.tab(say("Guided studies"))
+                lot = ui.tab(name="lot", label=say("Production"))
+                bench = ui.tab(name="bench", label=say("Can this bench measure?"))
+                studies = ui.tab(name="studies", label=say("Guided studies"))
             with ui.tab_panels(tabs, value=lot).classes("lm-panels"):
                 with ui.tab_panel(lot):
                     self._production()
@@ -164,10 +172,12 @@ class _Quality:
             self._report.build()
 
     async def _first(self) -> None:
+        self._filling = True
+        await typed_before("quality")
         found = await made_beside(self._station, choices, say=self._words, said=self._say)
         if found is None:
+            self._filling = False
             return
-        self._filling = True
         asked = self._asked
         chosen = asked.recipe if asked.recipe in found.recipes else (found.recipes or (None,))[-1]
         self._recipe.set_options(list(found.recipes), value=chosen)

@@ -7,14 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from virtual_benches import Runs, runs_by
 
 from analysis.evaluation.pipeline import analyse
 from analysis.loop.method import MetricWanted
 from analysis.trace.trace import Trace
-from benchmarks.virtual_bench_study import run
-from station.bench.assemble_virtual import choose_unit, virtual_config
 from station.bench.figures import figures_of
-from station.bench.request import Job, load_job
+from station.bench.request import Job
 from station.results.evaluation import method_of
 
 GOLDEN = Path(__file__).parents[2] / "proofs" / "golden" / "golden.yaml"
@@ -31,20 +30,9 @@ BENT = 0.05
 
 
 @pytest.fixture(scope="module")
-def rough(tmp_path_factory: pytest.TempPathFactory) -> tuple[Job, dict[int, Trace]]:
+def rough(tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """Runs of some units in virtual time, each with sensors of its own."""
-    text = GOLDEN.read_text(encoding="utf-8")
-    for old, new in ROUGH.items():
-        assert old in text
-        text = text.replace(old, new)
-    recipe = tmp_path_factory.mktemp("rough") / "rough.yaml"
-    recipe.write_text(text, encoding="utf-8")
-    job = load_job(str(recipe), None)
-    found = {}
-    for seed in UNITS:
-        unit = choose_unit(f"P1:{seed}", job.recipe, seed)
-        found[seed] = run(job, replace(virtual_config(job.bench, job.profile_paths, unit), sensor_seed=seed)).seen
-    return job, found
+    return runs_by(GOLDEN, ROUGH, {seed: f"P1:{seed}" for seed in UNITS}, tmp_path_factory.mktemp("rough"))
 
 
 def bend_of(job: Job, trace: Trace) -> tuple[float | None, bool | None]:
@@ -56,7 +44,7 @@ def bend_of(job: Job, trace: Trace) -> tuple[float | None, bool | None]:
 
 
 @pytest.mark.parametrize("seed", UNITS)
-def test_a_sound_rough_run_has_no_bend(rough: tuple[Job, dict[int, Trace]], seed: int) -> None:
+def test_a_sound_rough_run_has_no_bend(rough: Runs, seed: int) -> None:
     """Its bend scatters by 0.9 % from unit to unit, and independent residuals say 0.4 %: 24 of 120 were refused."""
     job, runs = rough
     figure, passed = bend_of(job, runs[seed])
@@ -65,7 +53,7 @@ def test_a_sound_rough_run_has_no_bend(rough: tuple[Job, dict[int, Trace]], seed
 
 @pytest.mark.parametrize("bent", [BENT, -BENT - 0.01])
 @pytest.mark.parametrize("seed", UNITS)
-def test_a_bent_channel_is_seen_in_it(rough: tuple[Job, dict[int, Trace]], seed: int, bent: float) -> None:
+def test_a_bent_channel_is_seen_in_it(rough: Runs, seed: int, bent: float) -> None:
     """Friction at a small load bends by 1.1 % itself, the way a positive bend does: so the other way it takes more."""
     job, runs = rough
     torque = runs[seed].torque_out_nm

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from analysis.validity.evidence import RunFacts
 from definitions.image import Reaction, SampleStatus, State
@@ -30,9 +31,9 @@ COUNTED: dict[SampleStatus, str] = {
 """Status bits of the samples, and the validity check that counts each."""
 
 
-def measuring(table: Table) -> Table:
-    """Return the records taken while the recipe's torque was on the unit."""
-    return table[np.isin(table["orders"]["state"], sorted(LOADED))]
+def measuring(table: Table) -> npt.NDArray[np.bool_]:
+    """Return which records were taken while the recipe's torque was on the unit."""
+    return np.isin(table["orders"]["state"], sorted(LOADED))
 
 
 def _percentiles(values_ns: Any) -> Percentiles:
@@ -44,7 +45,7 @@ def _percentiles(values_ns: Any) -> Percentiles:
 
 def timing_block(table: Table, period_ns: int, clock: str, realtime: Realtime) -> Timing:
     """Return the `timing` object of a result; times in µs, ages in scans. `clock` is one of `CLOCKS`."""
-    ages = measuring(table)["image"]["sample_age_scans"]
+    ages = table["image"]["sample_age_scans"][measuring(table)]
     return Timing(
         period_ns=period_ns,
         clock=clock,
@@ -72,7 +73,7 @@ def run_facts(table: Table, timing: Timing, sampling: Sampling) -> RunFacts:
 
 def counts_of(table: Table, timing: Timing) -> Counts:
     """Return what was counted while recording, whatever a recipe allows of it; arguments as in `run_facts`."""
-    flags = measuring(table)["image"]["sample_status"]
+    flags = table["image"]["sample_status"][measuring(table)]
     counts = Counts(
         periods=timing.scans + timing.missed,
         missed=timing.missed,
@@ -86,7 +87,7 @@ def counts_of(table: Table, timing: Timing) -> Counts:
 
 def holds_in(table: Table) -> int:
     """Return how often a ramp was held while the recipe's torque was on the unit."""
-    held = measuring(table)["orders"]["reaction"] == Reaction.HOLD
+    held = table["orders"]["reaction"][measuring(table)] == Reaction.HOLD
     return int(np.count_nonzero(held[1:] & ~held[:-1])) + int(held[:1].sum())
 
 

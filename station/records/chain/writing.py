@@ -43,14 +43,15 @@ class ChainWriter:
         self.path = data / CHAIN
         self.chain = Chain(data)
         self._trusted = trust_of(self.chain).keys
-        self.last = _last_entry(self.path, self._trusted, head_of(self.chain.id, data))
+        head = head_of(self.chain.id, data)
+        self.last = _last_entry(self.path, self._trusted, head)
         self.warnings: list[str] = []
         self._pinned: tuple[str, ...] = ()
         if self.last is None:
             self._begin()
         else:
             self._settle(self.last)
-            self._go_on()
+            self._go_on(head)
 
     @property
     def next_place(self) -> ChainPlace:
@@ -124,10 +125,9 @@ class ChainWriter:
                 "folder. A new chain is begun, and says so. Put the old folder back if nobody removed it on purpose"
             )
 
-    def _go_on(self) -> None:
-        """Continue a chain; what this computer had seen of it and is gone is said by an entry of its own."""
+    def _go_on(self, head: Head | None) -> None:
+        """Continue a chain; what this computer had seen of it, head, and is gone is said by an entry of its own."""
         assert self.last is not None  # noqa: S101 - for the type checker: the caller has looked
-        head = head_of(self.chain.id, self._data)
         pinned = [key for one in heads_of(self.chain.id) for key in one.keys]
         known = pinned or keys_in(self._data / FOLDER_KEYS)
         self._pinned = tuple(dict.fromkeys((*known, self._key.public)))

@@ -10,15 +10,19 @@ from __future__ import annotations
 import math
 import re
 from collections import defaultdict
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
+from functools import cache
 from typing import Any
 
 from sqlalchemy import (
     ColumnElement,
     Connection,
+    Delete,
     FromClause,
+    Insert,
     Select,
     Table,
+    bindparam,
     case,
     delete,
     func,
@@ -54,7 +58,14 @@ OF_RUNS = ("hour", "bench", "recipe", "revision", "model", "operator", "key")
 OF_METRICS = ("meaning", "side")
 """What tells values from others."""
 
-_Cause = tuple[str, ColumnElement[Any], Table | None, ColumnElement[int], ColumnElement[bool]]
+KNOWN_OF_VALUES = (*OF_RUNS, "fixture", "virtual")
+"""What is known of the run of a value."""
+
+CHAIN, HOURS = "counted_chain", "counted_hours"
+"""Parameters of the statements that count: they are made once, which takes longer than to carry them out."""
+
+_Which = Mapping[str, str | list[str]]
+_Cause = tuple[ColumnElement[Any], Table | None, ColumnElement[int], ColumnElement[bool]]
 """A kind of cause: the name of each, the table beside the runs that has it, how many there are, and where."""
 
 
@@ -83,12 +94,13 @@ def count_hours(connection: Connection, chain: str, hours: Collection[str]) -> N
     """Count hours of a data folder anew."""
     there = sorted(hours)
     for begin in range(0, len(there), MOST_AT_ONCE):
-        some = there[begin : begin + MOST_AT_ONCE]
+        which: _Which = {CHAIN: chain, HOURS: there[begin : begin + MOST_AT_ONCE]}
         for table in (RUN_HOURS, METRIC_HOURS, CAUSE_HOURS):
-            connection.execute(delete(table).where(table.c.chain == chain, table.c.hour.in_(some)))
-        _count_runs(connection, chain, some)
-        _count_metrics(connection, chain, some)
-        _count_causes(connection, chain, some)
+            connection.execute(_forgotten(table), which)
+        connection.execute(_runs_counted(), which)
+        _count_metrics(connection, which)
+        for kind in _causes_there(connection, which):
+            connection.execute(_causes_counted(kind), which)
 
 
 def count_all_hours(connection: Connection) -> None:
@@ -98,34 +110,42 @@ def count_all_hours(connection: Connection) -> None:
         count_hours(connection, chain, set(hours))
 
 
-def _count_runs(connection: Connection, chain: str, hours: list[str]) -> None:
+@cache
+def _forgotten(table: Table) -> Delete:
+    return delete(table).where(_of_the_hours(table))
+
+
+@cache
+def _runs_counted() -> Insert:
     names = [column.name for column in RUN_HOURS.columns if column.name not in ("chain", "runs")]
     values = [RUNS.c.chain, *(_known(name).label(name) for name in names)]
-    counted = select(*values, func.count()).where(RUNS.c.chain == chain, RUNS.c.hour.in_(hours))
+    counted = select(*values, func.count()).where(_of_the_hours(RUNS))
     # By their places: a database does not see that two expressions with parameters are the same one.
     counted = counted.group_by(*(literal_column(str(place)) for place in range(1, len(values) + 1)))
-    connection.execute(insert(RUN_HOURS).from_select(["chain", *names, "runs"], counted))
+    return insert(RUN_HOURS).from_select(["chain", *names, "runs"], counted)
 
 
-def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None:
-    known = (*OF_RUNS, "fixture", "virtual")
-    of_runs = [_known(name) for name in known]
+@cache
+def _values_asked() -> Select[Any]:
+    of_runs = [_known(name) for name in KNOWN_OF_VALUES]
     of_metrics = [METRICS.c[name] for name in OF_METRICS]
     failed = case(((RUNS.c.verdict == FAIL) & (METRICS.c.verdict == FAIL), 1), else_=0)
     value = case((RUNS.c.valid, METRICS.c.value), else_=None)
     together = (METRICS.c.chain == RUNS.c.chain) & (METRICS.c.run == RUNS.c.run)
     asked = select(value, failed, *of_runs, *of_metrics).select_from(RUNS).join(METRICS, together)
-    asked = asked.where(RUNS.c.chain == chain, RUNS.c.hour.in_(hours))
-    asked = asked.where(RUNS.c.in_production, RUNS.c.first)
+    return asked.where(_of_the_hours(RUNS), RUNS.c.in_production, RUNS.c.first)
+
+
+def _count_metrics(connection: Connection, which: _Which) -> None:
     groups: dict[Any, tuple[list[float], list[int]]] = defaultdict(lambda: ([], []))
-    for one, bad, *key in connection.execute(asked):
+    for one, bad, *key in connection.execute(_values_asked(), which):
         values, fails = groups[tuple(key)]
         fails.append(bad)
         if one is not None:
             values.append(one)
-    names = (*known, *OF_METRICS)
+    names = (*KNOWN_OF_VALUES, *OF_METRICS)
     rows = [
-        {"chain": chain} | dict(zip(names, key, strict=True)) | _sums(values) | {"failed": sum(fails)}
+        {"chain": which[CHAIN]} | dict(zip(names, key, strict=True)) | _sums(values) | {"failed": sum(fails)}
         for key, (values, fails) in groups.items()
         if values or any(fails)
     ]
@@ -133,37 +153,64 @@ def _count_metrics(connection: Connection, chain: str, hours: list[str]) -> None
         connection.execute(insert(METRIC_HOURS), rows)
 
 
-def _count_causes(connection: Connection, chain: str, hours: list[str]) -> None:
-    here = (RUNS.c.chain == chain) & RUNS.c.hour.in_(hours) & RUNS.c.in_production
-    no_verdict = here & RUNS.c.first & (RUNS.c.verdict == UNDECIDED)
-    for kind, name, table, number, condition in _causes_there(connection, here, no_verdict):
-        dims = [_known(one).label(one) for one in (*OF_RUNS, "virtual")]
-        asked = select(RUNS.c.chain, literal_column(f"'{kind}'"), *dims, name, number)
-        rows: FromClause = RUNS if table is None else RUNS.join(table, _of_the_run(table))
-        rows = rows.join(MEANINGS, meaning_of_metrics()) if table is METRICS else rows
-        asked = asked.select_from(rows).where(condition)
-        places = (1, *range(3, 3 + len(dims)), *(() if table is None else (3 + len(dims),)))
-        counted = asked.group_by(*(literal_column(str(place)) for place in places))
-        names = ["chain", "kind", *OF_RUNS, "virtual", "name", "runs"]
-        connection.execute(insert(CAUSE_HOURS).from_select(names, counted))
-
-
-def _causes_there(connection: Connection, here: ColumnElement[bool], no_verdict: ColumnElement[bool]) -> list[_Cause]:
-    """Return the kinds of cause that runs may have: most hours have none, and a statement is dear to make."""
-    found: list[_Cause] = []
-    if connection.execute(select(ALARMS.c.run).join(RUNS, _of_the_run(ALARMS)).where(here).limit(1)).first():
-        found.append((ALARM, func.coalesce(ALARMS.c.id, "None"), ALARMS, func.count(RUNS.c.run.distinct()), here))
-    undecided = connection.execute(select(RUNS.c.state, RUNS.c.valid).where(no_verdict).distinct()).all()
+def _causes_there(connection: Connection, which: _Which) -> list[str]:
+    """Return the kinds of cause that runs may have: most hours have none, and a statement is dear to carry out."""
+    found = [ALARM] if connection.execute(_alarm_asked(), which).first() else []
+    undecided = connection.execute(_undecided_asked(), which).all()
     if any(state == COMPLETE for state, _ in undecided):
-        ended, failed = no_verdict & (RUNS.c.state == COMPLETE), CHECKS.c.passed.is_(False)
-        named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
-        unnamed = ended & (RUNS.c.objection != "") & ~named
-        found.append((CHECK, CHECKS.c.id, CHECKS, func.count(), ended & failed))
-        found.append((UNNAMED, literal_column("''"), None, func.count(), unnamed))
+        found += [CHECK, UNNAMED]
     if any(valid for _, valid in undecided):
-        near = no_verdict & RUNS.c.valid & judged_as(UNDECIDED)
-        found.append((NEAR, MEANINGS.c.metric, METRICS, func.count(), near))
+        found.append(NEAR)
     return found
+
+
+@cache
+def _alarm_asked() -> Select[Any]:
+    return select(ALARMS.c.run).join(RUNS, _of_the_run(ALARMS)).where(_produced()).limit(1)
+
+
+@cache
+def _undecided_asked() -> Select[Any]:
+    return select(RUNS.c.state, RUNS.c.valid).where(_no_verdict()).distinct()
+
+
+@cache
+def _causes_counted(kind: str) -> Insert:
+    name, table, number, condition = _cause(kind)
+    dims = [_known(one).label(one) for one in (*OF_RUNS, "virtual")]
+    asked = select(RUNS.c.chain, literal_column(f"'{kind}'"), *dims, name, number)
+    rows: FromClause = RUNS if table is None else RUNS.join(table, _of_the_run(table))
+    rows = rows.join(MEANINGS, meaning_of_metrics()) if table is METRICS else rows
+    asked = asked.select_from(rows).where(condition)
+    places = (1, *range(3, 3 + len(dims)), *(() if table is None else (3 + len(dims),)))
+    counted = asked.group_by(*(literal_column(str(place)) for place in places))
+    return insert(CAUSE_HOURS).from_select(["chain", "kind", *OF_RUNS, "virtual", "name", "runs"], counted)
+
+
+def _cause(kind: str) -> _Cause:
+    if kind == ALARM:
+        return func.coalesce(ALARMS.c.id, "None"), ALARMS, func.count(RUNS.c.run.distinct()), _produced()
+    if kind == NEAR:
+        return MEANINGS.c.metric, METRICS, func.count(), _no_verdict() & RUNS.c.valid & judged_as(UNDECIDED)
+    ended, failed = _no_verdict() & (RUNS.c.state == COMPLETE), CHECKS.c.passed.is_(False)
+    if kind == CHECK:
+        return CHECKS.c.id, CHECKS, func.count(), ended & failed
+    named = select(CHECKS.c.run).where(_of_the_run(CHECKS), failed).exists()
+    return literal_column("''"), None, func.count(), ended & (RUNS.c.objection != "") & ~named
+
+
+def _of_the_hours(table: Table) -> ColumnElement[bool]:
+    """Return the condition that a row is of the hours that are counted."""
+    found: ColumnElement[bool] = table.c.chain == bindparam(CHAIN)
+    return found & table.c.hour.in_(bindparam(HOURS, expanding=True))
+
+
+def _produced() -> ColumnElement[bool]:
+    return _of_the_hours(RUNS) & RUNS.c.in_production
+
+
+def _no_verdict() -> ColumnElement[bool]:
+    return _produced() & RUNS.c.first & (RUNS.c.verdict == UNDECIDED)
 
 
 def judged_as(verdict: str) -> ColumnElement[bool]:

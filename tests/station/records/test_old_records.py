@@ -175,7 +175,7 @@ def test_a_loop_cannot_be_evaluated_without_its_torque(data: Path) -> None:
 def scratch_copy(folder: Path) -> Path:
     """Copy the program and give its process image another channel, in the middle of the record."""
     for package in PACKAGES:
-        shutil.copytree(ROOT / package, folder / package, ignore=shutil.ignore_patterns("__pycache__"))
+        shutil.copytree(ROOT / package, folder / package)
     path = folder / "definitions" / "image.py"
     rows = re.compile(r'^    (?:torque_in_nm: |Field\("torque_in_nm", ).*\n', re.MULTILINE)
     text, found = rows.subn(lambda row: row[0].replace("torque_in_nm", UNKNOWN.name) + row[0], path.read_text("utf-8"))

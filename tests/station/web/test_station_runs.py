@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from lostmotion_command import here
-from served import LONGEST_S, Served, prepared, served
+from served import LONGEST_S, Served, prepared, served, served_by
 
 from station.records.run_record import RunRecord
 from station.run.next_run import SUPERVISOR
@@ -57,7 +58,8 @@ def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_pa
         running = first.wait("running")
         assert RunRecord(data / running["run"]).manifest().desk.pid == waiting, "it is the process that waited for it"
         first.kill()
-    with served(data) as second:
+    command = [sys.executable, "-m", "station", "serve", "--port", "0", "--fast", "--data", str(data)]
+    with served_by(command, data) as second:
         second.log_in("operator")
         again = second.wait("running", "ended")
         assert again["run"] == running["run"], "a server that was just started shows the newest run, over or not"

@@ -54,6 +54,8 @@ class VirtualBench:
         self._frames_come = 0
         self._frames_sent_before = 0
         self._awaited = [Awaited() for _ in range(1 + len(config.devices))]
+        self._given_up = False
+        """Whether something was done without since the scan leads; before that nothing is late or lost."""
         self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self.unit = bench.unit
         self._keep_truth = config.truth is not None
@@ -159,6 +161,7 @@ class VirtualBench:
         self._period_ns, self._begun_ns = period_ns, self.time.now_ns
         self._frames_come, self._frames_sent_before = 0, self.can.frames_sent
         self._awaited = [Awaited() for _ in self._awaited]
+        self._given_up = False
         for server in self.servers.values():
             server.requests = server.bytes_sent = 0
         self.time.lead()
@@ -171,7 +174,7 @@ class VirtualBench:
         self.time.lead()
 
     def _come(self) -> tuple[int, ...]:
-        return (self._frames_come, *(server.requests for server in self.servers.values()))
+        return (self._frames_come, *[server.requests for server in self.servers.values()])
 
     def _sent(self, message: ToBench) -> tuple[int, ...]:
         """Return the frames and the requests of each device that were sent; the rest of a message is room."""
@@ -179,10 +182,13 @@ class VirtualBench:
 
     def missing(self, message: ToBench) -> bool:
         """Tell whether something that was sent before a message is not there yet and may still come."""
+        sent, come = self._sent(message), self._come()
+        if sent == come and not self._given_up:
+            return False
         self._take_back()
         reachable = (self.can.connected, *(server.reachable for server in self.servers.values()))
-        rows = zip(self._awaited, self._sent(message), self._come(), reachable, strict=True)
-        return any(one.missing(sent, come) and there for one, sent, come, there in rows)
+        rows = zip(self._awaited, sent, come, reachable, strict=True)
+        return any(one.missing(wanted, there) and can_come for one, wanted, there, can_come in rows)
 
     def _take_back(self) -> None:
         """Answer a request that was given up and has come at once: its device may take no other one before that."""
@@ -194,14 +200,16 @@ class VirtualBench:
 
     def give_up(self, message: ToBench) -> None:
         """Do without what is missing."""
+        self._given_up = True
         for one, sent, come in zip(self._awaited, self._sent(message), self._come(), strict=True):
             one.give_up(sent, come)
 
     def let_scan_pass(self, message: ToBench) -> FromBench:
         """Take what has come, let the period pass and those that faults make the scan miss, and return the answer."""
         self._take_waiting()
-        for one, sent in zip(self._awaited, self._sent(message), strict=True):
-            one.acted(sent)
+        if self._given_up:
+            for one, sent in zip(self._awaited, self._sent(message), strict=True):
+                one.acted(sent)
         faults = self.drive.faults
         faults.tell(State(message.state).name.lower(), message.number)
         missed = faults.take_missed()

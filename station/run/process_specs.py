@@ -34,7 +34,8 @@ TRUTH = "truth.csv"
 REAL_SPIN_NS = 100_000
 EMBEDDED_SPIN_NS = REAL_SPIN_NS if (os.cpu_count() or 1) > 1 else 0
 """Spinning takes a tenth of a processor at 1 ms and makes p99 of the latency ten times smaller (docs/determinism.md);
-beside an embedded bench on a single processor there is none to spare."""
+beside an embedded bench on a single processor there is none to spare. Before a bench that waits for the scan there is
+nothing to gain: its time stands still until the scan comes."""
 
 
 def write_bench_spec(job: Job, record: RunRecord, unit: VirtualUnit | None, scenario: Path | None, clock: str) -> Path:
@@ -83,7 +84,7 @@ def write_scan_spec(
         compiled=compiled(job, record.folder / PROGRAM, ports, waits=waits),
         clock="scan" if waits else "wall",
         fast=pacing.fast,
-        spin_ns=REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
+        spin_ns=0 if waits else REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
         supervisor=os.getpid(),
         after_end_scans=after_end_scans,
         left=None if left is None else Left(left.fault, left.torque_in_tare_nm, left.torque_out_tare_nm),

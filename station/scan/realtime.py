@@ -137,7 +137,8 @@ def is_granted(grants: tuple[Grant, ...], name: str) -> bool:
 def spin_tail(wanted_ns: int, grants: tuple[Grant, ...]) -> tuple[int, Grant]:
     """Return how long to spin before each deadline [ns], and the answer; without FIFO spinning only makes it later."""
     if not wanted_ns:
-        return 0, Grant("spin_tail", granted=False, detail="not requested: the bench would lose its only processor")
+        why = "not requested: the bench waits for the scan, or there is no processor to spare"
+        return 0, Grant("spin_tail", granted=False, detail=why)
     if not is_granted(grants, "fifo"):
         return 0, Grant("spin_tail", granted=False, detail="of use under SCHED_FIFO only, which was refused")
     return wanted_ns, Grant("spin_tail", granted=True, detail=f"the last {wanted_ns // 1000} µs before each deadline")

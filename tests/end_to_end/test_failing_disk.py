@@ -68,9 +68,9 @@ def test_a_failing_disk_is_to_be_replaced_and_not_to_be_freed(disk):
             deed()
 
 
-def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ramp_at_1_ms, disk, image):
-    run = start("run", *one_ramp_at_1_ms, "--serial", "D", "--json", data=disk)
-    run.wait_for(lambda: recording(disk))
+def test_a_disk_that_fails_stops_the_run_and_what_it_lost_is_told(start, one_ramp, disk, image):
+    run = start("run", *one_ramp, "--serial", "D", "--json", data=disk)
+    run.wait_for(lambda: recording(disk, period_ms=4))
     (folder,) = (path.parent for path in disk.glob("*/run.json"))
     fail(disk)
     ran = run.finish()

@@ -10,12 +10,11 @@ from pathlib import Path
 import pytest
 from lostmotion_command import here
 from run_samples import read_back
+from test_disks import recording
 
 from station.records.ring.reader import RingReader
-from station.records.samples.scan_record import RECORD_BYTES
 
 pytestmark = pytest.mark.wires
-IN_THE_RAMP = 1450
 STOPPED_WITHIN_SCANS = 2000
 """Eight seconds of the bench: bringing the torque to zero takes two, and a busy supervisor its time to notice."""
 
@@ -34,7 +33,7 @@ def test_a_run_whose_data_folder_vanishes_is_stopped_at_once(
 ) -> None:
     data = tmp_path / "runs"
     run = start("run", *one_ramp, "--serial", "V", "--json", data=data)
-    run.wait_for(lambda: any(p.stat().st_size > IN_THE_RAMP * RECORD_BYTES for p in data.glob("*/samples.bin")))
+    run.wait_for(lambda: recording(data, period_ms=4))
     (manifest,) = data.glob("*/run.json")
     ring = Path(json.loads(manifest.read_bytes())["ring"])
     reader = RingReader(ring)

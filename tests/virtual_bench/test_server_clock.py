@@ -6,6 +6,7 @@ import pytest
 
 from drivers.pace import Kind, ToBench
 from virtual_bench import bench_time
+from virtual_bench.awaited import LOST_AFTER
 from virtual_bench.config import ServerConfig
 from virtual_bench.devices.modbus_servers import ModbusServer
 from virtual_bench.wired_bench import VirtualBench
@@ -64,3 +65,19 @@ def test_a_request_that_comes_after_it_was_given_up_is_answered_at_once(
     assert answered == [0], "a request that comes in time is answered when the scan has ended"
     bench.let_scan_pass(ended(1))
     assert answered == [0, 1]
+
+
+def test_requests_that_come_late_now_and_then_are_waited_for_however_often(server_config: ServerConfig) -> None:
+    bench = VirtualBench(server_config, None, lambda *_text, **_more: None)
+    bench.begin(MS)
+    place = list(bench.servers).index("amplifier")
+    for sent in range(1, LOST_AFTER + 5):
+        requests = tuple(sent if at == place else 0 for at in range(len(bench.servers)))
+        ended = ToBench(Kind.SCAN_ENDED, sent, 0, 0, requests)
+        assert bench.missing(ended), "the host holds the request up"
+        bench.give_up(ended)
+        assert not bench.missing(ended)
+        bench.let_scan_pass(ended)
+        bench.servers["amplifier"].requests = sent
+        assert not bench.missing(ended), "it has come, and another scan without a request ends"
+        bench.let_scan_pass(ended)

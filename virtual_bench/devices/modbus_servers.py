@@ -56,6 +56,7 @@ RANGES: dict[str, tuple[int, int]] = {
     "u32": (0, 0xFFFFFFFF),
     "i32": (-0x80000000, 0x7FFFFFFF),
 }
+FLOAT, FLOAT_BITS = struct.Struct(">f"), struct.Struct(">I")
 
 
 class Device:
@@ -315,6 +316,8 @@ class Connection(asyncio.Protocol):
 
     def _owner(self, request: ModbusPDU) -> ModbusServer:
         """Return the device that a request is for; that refuses it where none has what is asked for."""
+        if len(self._owners) == 1:
+            return self._owners[0]
         asked = [owner for owner in self._owners if owner.device.has(request)]
         asked += [owner for owner in self._owners if owner.device.unit_id == request.dev_id]
         return (asked or self._owners)[0]
@@ -342,47 +345,48 @@ def encode(registers: ModbusProfile, values: Mapping[str, float], read: ReadBloc
         for row in read.fields:
             bits[row.offset] = 1 if values[row.name] else 0
         return bits
-    block = bytearray(2 * read.count)
+    words = [0] * read.count
     for row in read.fields:
         if row.name == "identity":
             continue
-        value = values[row.name]
+        value, offset = values[row.name], row.offset
         if row.bit is not None:
-            word = struct.unpack_from(">H", block, 2 * row.offset)[0] | (int(value) & 1) << row.bit
-            struct.pack_into(">H", block, 2 * row.offset, word)
+            words[offset] |= (int(value) & 1) << row.bit
             continue
         value = (value - (row.zero or 0.0)) / (row.scale or 1.0)
         if row.type == "f32":
-            put(block, row.offset, struct.pack(">f", value), registers.word_order)
-            continue
-        low, high = RANGES[row.type]
-        # not a number becomes the lowest count, as measuring amplifiers show it
-        count = low if value != value else min(max(round(value), low), high)  # noqa: PLR0124
-        number = (count & 0xFFFFFFFF).to_bytes(4, "big")[-2 * WORDS[row.type] :]
-        put(block, row.offset, number, registers.word_order)
-    _put_identity(block, registers, read)
-    words = list(struct.unpack(f">{read.count}H", block))
+            (number,) = FLOAT_BITS.unpack(FLOAT.pack(value))
+        else:
+            low, high = RANGES[row.type]
+            # not a number becomes the lowest count, as measuring amplifiers show it
+            number = low if value != value else min(max(round(value), low), high)  # noqa: PLR0124
+        if WORDS[row.type] == 1:
+            words[offset] = number & 0xFFFF
+        else:
+            words[offset : offset + 2] = _two_words(number, registers.word_order)
+    _put_identity(words, registers, read)
     return [word >> 8 | word << 8 & 0xFF00 for word in words] if registers.byte_order == "little" else words
 
 
-def put(block: bytearray, offset: int, number: bytes, word_order: str) -> None:
-    """Lay a number, most significant byte first, into registers of the block in the device's order of words."""
-    if word_order == "little":
-        number = b"".join(number[at : at + 2] for at in range(len(number) - 2, -1, -2))
-    block[2 * offset : 2 * offset + len(number)] = number
+def _two_words(number: int, word_order: str) -> tuple[int, int]:
+    """Return the registers that hold a number of 32 bits, in the device's order of words."""
+    high, low = number >> 16 & 0xFFFF, number & 0xFFFF
+    return (low, high) if word_order == "little" else (high, low)
 
 
-def _put_identity(block: bytearray, registers: ModbusProfile, read: ReadBlock) -> None:
+def _put_identity(words: list[int], registers: ModbusProfile, read: ReadBlock) -> None:
     identity = registers.identity
     if identity is None or identity.table != read.table:
         return
-    first = identity.address - read.address
-    if not 0 <= first <= read.count - identity.count:
+    first, count = identity.address - read.address, identity.count
+    if not 0 <= first <= read.count - count:
         return
     if identity.text is not None:
-        put(block, first, identity.text.encode("ascii").ljust(2 * identity.count, b"\0"), "big")
+        text = identity.text.encode("ascii").ljust(2 * count, b"\0")
+        words[first : first + count] = struct.unpack(f">{count}H", text)
     elif identity.value is not None:
-        put(block, first, identity.value.to_bytes(2 * identity.count, "big"), registers.word_order)
+        one = count == 1
+        words[first : first + count] = [identity.value] if one else _two_words(identity.value, registers.word_order)
 
 
 def decode(registers: ModbusProfile, words: Sequence[int]) -> dict[str, float]:

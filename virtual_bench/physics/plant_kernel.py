@@ -205,7 +205,7 @@ def advance(state: FloatArray, params: FloatArray, control: FloatArray, table: F
         side = 1.0 if gap >= 0.0 else -1.0
         at = (phi - table_start) / table_step
         cell = min(max(int(at), 0), last)
-        tangent = (table[cell + 1] - table[cell]) / table_step + sigma * (1.0 - f_h * side / f_c)
+        tangent = (table[cell + 1] - table[cell]) / table_step + sigma * (1.0 - f_h / f_c * side)
         moved = gap * k_fix / (k_fix + tangent)
         phi += moved
         f_h = side * f_c + (f_h - side * f_c) * decay_of(sigma * abs(moved) / f_c)

@@ -15,8 +15,10 @@ from recipes import shipped_recipes
 from station.atomic_file import as_json
 from station.bench.bench_spec import Ports
 from station.bench.request import Job, load_job
+from station.records.clocks import BY_WALL_CLOCK, SCAN, Pacing
 from station.records.program_file import PROGRAM, plain_program
-from station.run.process_specs import compiled
+from station.records.run_record import RunRecord
+from station.run.process_specs import EMBEDDED_SPIN_NS, compiled, write_scan_spec
 from station.scan.scan_spec import Compiled, ScanSpec, SpecError, SpecFile, read_program, told, write_spec
 
 ROOT = Path(__file__).parents[3]
@@ -66,6 +68,14 @@ def test_program_and_bench_of_every_shipped_recipe_arrive_as_they_were_compiled(
     assert repr(read_program(spec.compiled)) == repr(job.program)
     assert repr(spec.compiled) == repr(_compiled(job, tmp_path))
     assert repr(exact(ScanSpec, plain(spec))) == repr(spec)
+
+
+@pytest.mark.parametrize(("pacing", "spin_ns"), [(BY_WALL_CLOCK, EMBEDDED_SPIN_NS), (Pacing(SCAN), 0)])
+def test_before_a_bench_that_waits_no_scan_spins(pacing: Pacing, spin_ns: int, tmp_path: Path) -> None:
+    job, record, report = _job("rv-40e-121-quick"), RunRecord(tmp_path), tmp_path / "report.json"
+    (tmp_path / PROGRAM).write_bytes(as_json(plain_program(job.program)))
+    file = write_scan_spec(job, record, tmp_path / "ring", report, PORTS, pacing=pacing, after_end_scans=0, left=None)
+    assert told(["process", file.sha256, str(file.path)], ScanSpec).spin_ns == spin_ns
 
 
 @pytest.mark.parametrize("module", ["station.scan.scan_process", "station.timing.process"])

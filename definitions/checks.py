@@ -383,6 +383,17 @@ _ROWS = (
         settable=SHARES,
     ),
     Check(
+        "calibration_torque", "Torques of calibration and measured cycles", FRACTION, 0.4,
+        "output torque in the calibration: largest deviation from that of the measured cycles at the same input "
+        "torque, averaged over ranges of 10 % of the calibration's peak torque and relative to it. The part that "
+        "scatter, or a change of friction, can cause is subtracted. The limit holds at half of the peak torque; at no "
+        "load a quarter of it is allowed, and in between and beyond in proportion",
+        "the torques of the calibration and of the measured cycles do not agree",
+        "measure again. If it comes back, check cable, mounting and zero offset of both torque sensors, and raise the "
+        "torque rate of calibration and cycles: at a low rate friction can change within a ramp",
+        settable=SHARES, explained_by="calibration_agreement",
+    ),
+    Check(
         "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
         "zero offset of the output torque sensor, less the offset that the bench file allows (tared_zero), relative "
         "to the reference torque. It is measured where the lines of output torque over input torque for loading and "

@@ -6,11 +6,12 @@ Source: "inverse loading test system" and "backlash and stiffness measurement sy
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from analysis.torque_ratio.neighbours import alike
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray, IntArray
 
@@ -80,6 +81,12 @@ class RatioFit:
         What one loading differs from the line by (residual_sd_nm) is not in it.
         """
         return self.u_torque_out_nm(self.torque_in_nm(torque_out_nm)) / abs(self.slope)
+
+    def of_branch(self) -> RatioFit:
+        """Return the fit of points in the order of a branch: its uncertainty knows that neighbours err alike."""
+        residuals = self.outputs_nm - self.offset_nm - self.slope * self.inputs_nm
+        larger = math.sqrt(alike(residuals))
+        return replace(self, u_offset_nm=larger * self.u_offset_nm, u_slope=larger * self.u_slope)
 
     def without_flagged(self) -> RatioFit | None:
         """Return the fit of what is not flagged; None where nothing is flagged, or too little is left for a line."""

@@ -75,7 +75,7 @@ def quadrants_of_cycles(trace: Trace, runs: Sequence[Run]) -> Quadrants:
 def _by_fits(trace: Trace, runs: Sequence[Run]) -> Quadrants:
     """Fit the four lines to runs, the loading lines from where no bounce out of the play is left."""
     begins = bounce_ends_nm(trace, runs)
-    fits = fit_lines(trace, runs, begins_nm=begins)
+    fits = {name: fit.of_branch() for name, fit in fit_lines(trace, runs, begins_nm=begins).items()}
     lines = [TorqueLine(fits[name].offset_nm, fits[name].slope) for name in QUADRANTS]
     return Quadrants(lines[0], lines[1], lines[2], lines[3], fits=fits, begins_nm=begins)
 

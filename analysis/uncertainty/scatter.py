@@ -7,8 +7,6 @@ may no longer pass, or no longer fail, and never the other way.
 
 The standard deviation of n values is itself hardly known when n is small. Student's t pays for that: it is the factor
 by which an interval of the same confidence grows (GUM 4.2.3, G.3, G.4).
-
-Nor do many values say much where neighbours err alike: n of them are worth n over `alike` independent ones.
 """
 
 from __future__ import annotations
@@ -19,8 +17,6 @@ from typing import NamedTuple
 
 import numpy as np
 import scipy  # loads special where it is used
-
-from analysis.trace.units import FloatArray
 
 
 class Coverage(NamedTuple):
@@ -102,27 +98,6 @@ def enlarged(u_known: float, u_scatter: float, freedom: float, coverage: Coverag
     left = freedom * (total / u_scatter) ** 4
     expanded = student_factor(left, coverage) * total
     return math.sqrt(max((expanded / coverage.factor) ** 2 - u_known**2, u_scatter**2))
-
-
-FARTHEST = 4
-"""Neighbours are looked at up to this part of all values apart: farther, an autocorrelation is guesswork."""
-
-
-def alike(residuals: FloatArray) -> float:
-    """Return by how much residuals in order, whose neighbours err alike, make a variance larger: 1 + 2·Σρ, from 1 up.
-
-    It holds for the mean, and for all that changes as slowly as the terms of a fit. ρ are their autocorrelations up to
-    the first that is not above zero: from there on they are scatter (C. J. Geyer, Practical Markov Chain Monte Carlo,
-    Statistical Science 7, 1992).
-    """
-    whole = float(residuals @ residuals)
-    factor = 1.0
-    for apart in range(1, residuals.size // FARTHEST + 1):
-        along = float(residuals[apart:] @ residuals[:-apart])
-        if not along > 0.0:
-            break
-        factor += 2.0 * along / whole
-    return factor
 
 
 def deviation(values: Sequence[float]) -> float:

@@ -20,11 +20,11 @@ from typing import NamedTuple
 import numpy as np
 
 from analysis.loop.measured import Measured
+from analysis.torque_ratio.neighbours import alike
 from analysis.torque_ratio.quadrant_fit import bounce_ends_nm, fit_lines, quadrant_points
 from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.errors import AnalysisError
 from analysis.uncertainty.figures import SensorFigures, TorqueChannel
-from analysis.uncertainty.scatter import alike
 from analysis.validity.evidence import NOT_EVALUATED, Evidence, Figure, LeftOpen, Reading, of_measured, once
 from analysis.validity.settled_lines import (
     IN_TRANSITION,

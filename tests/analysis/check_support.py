@@ -288,6 +288,12 @@ def gain_after_calibration(gain: float) -> dict[str, Any]:
     return changed(torque_out_nm=GOOD.torque_out_nm * np.where(calibrates(GOOD), 1.0, gain))
 
 
+def zero_moved_in_a_branch(moved_nm: float) -> dict[str, Any]:
+    """The zero of the output torque moves for as long as the calibration loads the negative side."""
+    falls = calibrates(GOOD) & (GOOD.torque_out_nm < -5.0) & (np.gradient(GOOD.torque_out_nm) < 0.0)
+    return changed(torque_out_nm=GOOD.torque_out_nm + moved_nm * falls)
+
+
 BAD: dict[str, Bad] = {
     "record": lambda: {"invalid": ("200 records were lost",)},
     "missed_periods": lambda: facts(missed=400),
@@ -336,6 +342,7 @@ BAD: dict[str, Bad] = {
     "calibrated_gap": lambda: calibrated_without(5.0),
     "calibrated_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0) | {"method": CONVERTED},
     "calibration_agreement": lambda: gain_after_calibration(1.015),
+    "calibration_torque": lambda: zero_moved_in_a_branch(4.0),
     "torque_out_zero": lambda: changed(torque_out_nm=GOOD.torque_out_nm + 10.0),
     "torque_lines": lambda: changed(torque_in_nm=GOOD.torque_in_nm + 0.1 * np.sin(3.0 * GOOD.torque_in_nm)),
     "torque_bend": lambda: changed(

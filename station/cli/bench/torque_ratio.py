@@ -154,7 +154,7 @@ def _of_file(path: Path) -> Lines:
     begins = bounce_ends_nm(trace, chosen)
     points = quadrant_points(trace, chosen, begins_nm=begins)
     fits: dict[str | None, RatioFit] = {
-        quadrant: fit_torque_ratio(x, y) for quadrant, (x, y) in points.items() if x.size >= LEAST_POINTS
+        quadrant: fit_torque_ratio(x, y).of_branch() for quadrant, (x, y) in points.items() if x.size >= LEAST_POINTS
     }
     if not fits:
         raise AnalysisError(

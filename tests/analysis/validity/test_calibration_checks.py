@@ -20,6 +20,7 @@ from check_support import (
     judged,
     kept,
     of,
+    zero_moved_in_a_branch,
 )
 from reference_unit import RATIO
 
@@ -66,7 +67,7 @@ def test_a_gain_that_changes_after_the_calibration_is_seen(gain: float) -> None:
     found = of(result, "calibration_agreement")
     assert found.figure == pytest.approx(1.5, abs=0.15)
     assert result.verdict is Verdict.NOT_DECIDABLE
-    assert [one.id for one in result.checks if one.passed is False] == ["calibration_agreement"]
+    assert [one.id for one in result.checks if one.passed is False] == ["calibration_agreement", "calibration_torque"]
     assert of(GOOD_RUN, "calibration_agreement").figure < 0.05
     assert of(GOOD_CONVERTED, "calibration_agreement").figure < 0.05
 
@@ -79,18 +80,42 @@ def test_friction_that_changes_within_a_branch_of_the_calibration_is_seen(bends:
     assert of(result, "calibration_agreement").passed is passes
 
 
+@pytest.mark.parametrize(("moved_nm", "passes"), [(1.0, True), (4.0, False)])
+def test_a_zero_that_moves_for_a_branch_of_the_calibration_is_seen(moved_nm: float, *, passes: bool) -> None:
+    """The line of that branch is as straight as before, and its slope the same: an offset was 4 N·m off, U 0.4 N·m."""
+    result = judged(**zero_moved_in_a_branch(moved_nm))
+    assert of(result, "calibration_agreement").passed is True
+    assert of(result, "calibration_torque").passed is passes
+
+
+def test_a_zero_that_moves_within_a_branch_of_the_calibration_is_seen() -> None:
+    """5.5 N·m for 3 s: an offset of −14.3 N·m read −18.2 ± 0.6, with a PASS."""
+    first = int(np.flatnonzero(calibrates(GOOD) & (GOOD.torque_out_nm > 30.0))[0])
+    moved = np.zeros(GOOD.samples)
+    moved[first : first + round(3.0 / float(np.median(np.diff(GOOD.t_s))))] = 5.5
+    found = of(judged(dataclasses.replace(GOOD, torque_out_nm=GOOD.torque_out_nm - moved)), "calibration_torque")
+    assert found.passed is False
+    assert "by 2.3 N·m near 113 N·m" in found.text
+
+
 @pytest.mark.parametrize("share", [0.9, 1.1])
 def test_a_unit_with_other_friction_in_the_cycles_has_the_same_ratio(share: float) -> None:
     """Friction that is warmer, or faster: a tenth of it, 2 % of the torque under load."""
     friction_nm = GOOD.torque_in_nm - GOOD.torque_out_nm / RATIO
     other = np.where(calibrates(GOOD), GOOD.torque_in_nm, GOOD.torque_out_nm / RATIO + share * friction_nm)
-    assert of(judged(dataclasses.replace(GOOD, torque_in_nm=other)), "calibration_agreement").figure < 0.1
+    result = judged(dataclasses.replace(GOOD, torque_in_nm=other))
+    assert of(result, "calibration_agreement").figure < 0.1
+    assert of(result, "calibration_torque").figure < 0.05
 
 
 def test_without_both_torques_or_a_calibration_they_are_not_compared() -> None:
-    found = of(judged(dataclasses.replace(GOOD, torque_in_nm=None)), "calibration_agreement")
-    assert found.passed is None
-    assert "needs two torque channels" in found.text
-    found = of(judged(kept(GOOD, np.flatnonzero(~calibrates(GOOD)))), "calibration_agreement")
-    assert found.passed is None
-    assert "needs a calibration in this run" in found.text
+    alone, without = (
+        judged(dataclasses.replace(GOOD, torque_in_nm=None)), judged(kept(GOOD, np.flatnonzero(~calibrates(GOOD)))),
+    )  # fmt: skip
+    for check in ("calibration_agreement", "calibration_torque"):
+        found = of(alone, check)
+        assert found.passed is None
+        assert "needs two torque channels" in found.text
+        found = of(without, check)
+        assert found.passed is None
+        assert "needs a calibration in this run" in found.text

@@ -105,7 +105,7 @@ def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
         "temperature_change", "temperature_low", "temperature_high", "locked_motion", "torque_lines", "torque_bend",
         "torque_out_zero", "calibrated_turn", "calibrated_gap", "calibrated_zero", "drive_torque_agreement",
         "drive_torque_gap", "drive_angle_agreement", "drive_angle_direction", "drive_angle_repeat",
-        "locked_compliance", "stiffness_low", "calibration_agreement",
+        "locked_compliance", "stiffness_low", "calibration_agreement", "calibration_torque",
         "creep_back",
     }  # fmt: skip
     assert "two cycles" in why["drift"]

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
+from analysis.torque_ratio.line_fit import fit_torque_ratio
+from analysis.torque_ratio.neighbours import alike
 from analysis.trace.units import FloatArray
-from analysis.uncertainty.scatter import alike
 
 
 def autoregressive(share: float, count: int, seed: int) -> FloatArray:
@@ -40,3 +41,16 @@ def test_it_says_how_far_a_bend_scatters(share: float) -> None:
         bends.append(coefficients[0])
         variances.append(alike(y - np.polyval(coefficients, x)) * covariance[0, 0])
     assert np.sqrt(np.mean(variances)) == pytest.approx(np.std(bends), rel=0.2)
+
+
+def test_a_line_through_neighbours_that_err_alike_is_known_less_well() -> None:
+    """A torque that wanders: taken for independent, 200 points said a third of what the offset scatters by."""
+    torque_in = np.linspace(0.3, 4.8, 200)
+    fits = [fit_torque_ratio(torque_in, 94.7 * torque_in + autoregressive(0.8, 200, seed)) for seed in range(200)]
+    scatter = np.std([fit.offset_nm for fit in fits])
+    assert np.mean([fit.u_offset_nm for fit in fits]) < 0.45 * scatter
+    branches = [fit.of_branch() for fit in fits]
+    assert np.mean([fit.u_offset_nm for fit in branches]) == pytest.approx(scatter, rel=0.2)
+    assert [(one.offset_nm, one.correlation, one.residual_sd_nm) for one in branches] == [
+        (one.offset_nm, one.correlation, one.residual_sd_nm) for one in fits
+    ]

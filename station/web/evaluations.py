@@ -29,7 +29,6 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.records.samples.layout import CURRENT
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES
-from station.reports.stored_result import refuse_doubtful
 from station.store.rows.projection import seen, seen_files
 from station.store.view import keep_up
 
@@ -207,6 +206,7 @@ def _curves_of(run: RunRecord) -> LoopCurves:
 
 def _parquet_of(run: RunRecord) -> bytes:
     from station.reports.export_of_run import export_run
+    from station.reports.stored_result import refuse_doubtful
 
     refuse_doubtful(run)
     with tempfile.TemporaryDirectory() as place:

@@ -23,6 +23,7 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeVar
 
 from station.errors import StationError
+from station.own_program import loading
 from station.records.certificate_code import CERTIFICATE
 from station.records.chain.chain_file import Chain
 from station.records.run_record import MANIFEST, RunRecord
@@ -167,7 +168,8 @@ def _begin(server: int) -> None:
     Thread(target=watch, daemon=True).start()
     from station.results.evaluation import load_ahead
 
-    load_ahead()  # now, and not when the first person waits for a loop
+    with loading():
+        load_ahead()  # now, and not when the first person waits for a loop
 
 
 def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:

@@ -11,6 +11,7 @@ import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
+from functools import cache
 from itertools import pairwise
 from typing import Any, NamedTuple
 
@@ -20,7 +21,7 @@ import scipy  # loads optimize and stats where they are used
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
 
-NODES, WEIGHTS = np.polynomial.legendre.leggauss(120)
+NODES = 120
 """Gauss–Legendre nodes of each piece between the points where the integrand bends."""
 
 REACH = 12.0
@@ -219,16 +220,24 @@ def _between(low: float | None, high: float | None, out: float, u: float) -> Cal
     return chance
 
 
+@cache
+def _rule() -> tuple[FloatArray, FloatArray]:
+    """Return nodes and weights: made where there is something to integrate, and not by all who know of risks."""
+    nodes, weights = np.polynomial.legendre.leggauss(NODES)
+    return nodes, weights
+
+
 def _integral(
     process: Process, chance: Callable[[FloatArray], FloatArray], start: float, end: float, cuts: list[float]
 ) -> float:
     """Integral of density times chance, in pieces between cuts at which either bends."""
     first_value, last_value = _tails(process)
+    nodes, weights = _rule()
     low, high = max(start, first_value), min(end, last_value)
     total = 0.0
     for first, last in pairwise(sorted({low, high, *(min(max(cut, low), high) for cut in cuts)})):
         if last > first and high > low:
             half = (last - first) / 2.0
-            value = first + half * (1.0 + NODES)
-            total += half * float(np.sum(WEIGHTS * process.distribution.pdf(value) * chance(value)))
+            value = first + half * (1.0 + nodes)
+            total += half * float(np.sum(weights * process.distribution.pdf(value) * chance(value)))
     return total

@@ -15,7 +15,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 
 from analysis.trace.errors import AnalysisError
 from analysis.trace.trace import ROLES, SegmentInfo, first_bad_row
@@ -60,6 +59,8 @@ def read_segments(column: Any, file: Path, name: str) -> tuple[BoolArray, IntArr
         AnalysisError: an empty cell or a name that is not known, with its row; no row that is used.
 
     """
+    import pyarrow as pa  # noqa: PLC0415 - who writes names, or shows them, does without
+
     try:
         if pa.types.is_dictionary(column.type):
             column = column.cast(column.type.value_type)

@@ -20,7 +20,7 @@ from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from pathlib import Path
 
-from station.own_program import own_module
+from station.own_program import loading, own_module
 
 LONGEST_ORDER = 1 << 17
 MOST_HANDLES = 8
@@ -94,7 +94,8 @@ def main() -> int:
     handle, name, *words = sys.argv[1:]
     interrupted = signal.signal(signal.SIGINT, signal.SIG_IGN)
     with socket.socket(fileno=int(handle)) as orders:
-        run: Callable[[], int] = import_module(name).prepare(*words)
+        with loading():
+            run: Callable[[], int] = import_module(name).prepare(*words)
         # Nothing is sent back: what nobody reads before the order comes would cost the order.
         orders.shutdown(socket.SHUT_WR)
         order, handles, _, _ = socket.recv_fds(orders, LONGEST_ORDER, MOST_HANDLES)

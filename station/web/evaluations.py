@@ -23,13 +23,13 @@ from threading import Event, Lock, Thread
 from typing import TYPE_CHECKING, TypeVar
 
 from station.errors import StationError
+from station.own_program import loading
 from station.records.certificate_code import CERTIFICATE
 from station.records.chain.chain_file import Chain
 from station.records.run_record import MANIFEST, RunRecord
 from station.records.samples.layout import CURRENT
 from station.records.samples.samples import samples_bytes
 from station.records.samples.scan_record import RECORD_BYTES
-from station.reports.stored_result import refuse_doubtful
 from station.store.rows.projection import seen, seen_files
 from station.store.view import keep_up
 
@@ -168,7 +168,8 @@ def _begin(server: int) -> None:
     Thread(target=watch, daemon=True).start()
     from station.results.evaluation import load_ahead
 
-    load_ahead()  # now, and not when the first person waits for a loop
+    with loading():
+        load_ahead()  # now, and not when the first person waits for a loop
 
 
 def _on_run(make: Callable[[RunRecord], Made], folder: Path) -> Made:
@@ -207,6 +208,7 @@ def _curves_of(run: RunRecord) -> LoopCurves:
 
 def _parquet_of(run: RunRecord) -> bytes:
     from station.reports.export_of_run import export_run
+    from station.reports.stored_result import refuse_doubtful
 
     refuse_doubtful(run)
     with tempfile.TemporaryDirectory() as place:

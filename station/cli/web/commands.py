@@ -14,6 +14,7 @@ import typer
 from station.cli.options import DEFAULT_DATA, DataOption, JsonOption
 from station.counted import counted
 from station.documents.entries import plain
+from station.own_program import loading
 
 if TYPE_CHECKING:
     from station.web.people.database import StationDatabase
@@ -69,7 +70,8 @@ def serve(
         words += [word for name in names or () for word in ("--name", name)] + (["--fast"] if fast else [])
         scheme, shown = ("http" if certificate is None else "https"), (names or [host])[0]
         raise typer.Exit(install_units(install_unit, data, words, f"{scheme}://{shown}:{port}/"))
-    from station.web.server import Served, serve
+    with loading():
+        from station.web.server import Served, serve
 
     options = ("--pace", "fast") if fast else ()
     serve(Served(data, host, port, models, certificate, key, tuple(names or ()), options))

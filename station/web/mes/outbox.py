@@ -16,9 +16,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from threading import Event, Thread
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
-import httpx
 from sqlalchemy import Connection, func, insert, select, update
 
 from station.documents.entries import plain
@@ -35,6 +34,9 @@ from station.web.mes.settings import MesSettings, read_secret
 from station.web.people import audit
 from station.web.people.database import MES_CONTACT, WEBHOOKS, WEBHOOKS_READ, StationDatabase
 from station.web.people.read_chain import begin_at_the_end, read_on
+
+if TYPE_CHECKING:
+    import httpx
 
 RESULT_SEALED, ALIVE = "result", "alive"
 SIGNATURE, TIMESTAMP, KEY = "X-Lostmotion-Signature", "X-Lostmotion-Timestamp", "Idempotency-Key"
@@ -166,6 +168,8 @@ class Sender:
             self._thread.join(timeout=self._settings.timeout_s + LOOK_EVERY_S)
 
     def _loop(self) -> None:
+        import httpx  # noqa: PLC0415 - only where there is a MES
+
         # without the proxies of the environment: a MES is a neighbour
         with httpx.Client(timeout=self._settings.timeout_s, trust_env=False) as http:
             told = ""
@@ -214,6 +218,8 @@ class Sender:
 
     def _send(self, http: httpx.Client, key: str, body: bytes) -> str:
         """Send a message; return why it was not taken, '' where it was."""
+        import httpx  # noqa: PLC0415 - only where there is a MES
+
         timestamp = str(int(WALL_CLOCK.now().timestamp()))
         headers = {
             "Content-Type": "application/json", KEY: key, TIMESTAMP: timestamp,

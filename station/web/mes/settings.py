@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Literal
 from urllib.parse import urlsplit
 
-import httpx
 from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from recipes import load_document
@@ -39,6 +38,8 @@ class MesSettings(BaseModel):
     @field_validator("url")
     @classmethod
     def _is_address(cls, text: str) -> str:
+        import httpx  # noqa: PLC0415 - only where there is a MES: it loads a command line of its own
+
         parts = urlsplit(text)
         if parts.scheme not in ("http", "https") or not parts.hostname or parts.username is not None:
             raise refusal(text, "an address that begins with http:// or https://, without a password")

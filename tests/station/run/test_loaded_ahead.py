@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import json
 import subprocess
 import sys
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from lostmotion_command import ROOT
 
+from station.own_program import loading
 from station.results.evaluation import LOADED_AHEAD
 
 CODE = """
@@ -30,3 +32,12 @@ def test_an_evaluation_loads_nothing_large(golden_run) -> None:
     )
     assert LOADED_AHEAD
     assert not {"scipy", "pyarrow", "numpy", "pandas"} & set(json.loads(done.stdout))
+
+
+def test_what_is_loaded_is_never_searched_for_what_is_over() -> None:
+    before = gc.get_freeze_count()
+    with loading():
+        assert not gc.isenabled()
+    assert gc.isenabled()
+    assert gc.get_freeze_count() > before
+    gc.unfreeze()

@@ -10,7 +10,7 @@ from lostmotion_command import ROOT
 
 NOT_NEEDED = frozenset(
     {"canopen", "can", "pymodbus", "serial", "cantools", "durand", "numba", "llvmlite", "matplotlib", "reportlab",
-     "nptdms", "scipy.integrate", "scipy.optimize", "scipy.special", "station.scan.scan_process",
+     "nptdms", "pyarrow", "httpx", "scipy.integrate", "scipy.optimize", "scipy.special", "station.scan.scan_process",
      "station.run.supervisor", "virtual_bench.server"}
 )  # fmt: skip
 LOOK = "import json, sys, station.web.server; print(json.dumps(sorted(sys.modules)))"

@@ -63,8 +63,9 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(50_000, 20, 20)  # a fortieth of the processor's time, otherwise
 
 
+@pytest.hookimpl(tryfirst=True)  # a worker's own loop is asked before others, and then no other is
 def pytest_runtestloop() -> None:
-    """Search for garbage again, here and in the process that hands the tests out."""
+    """Search for garbage again, in workers and in the process that hands the tests out."""
     gc.enable()
 
 

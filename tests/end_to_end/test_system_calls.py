@@ -36,20 +36,34 @@ def cycles(trace: Path) -> list[list[str]]:
     return found
 
 
-def test_a_scan_makes_seven_system_calls_at_most(tmp_path):
-    command = [sys.executable, "-m", "station", "timing", "--seconds", "3", "--period-us", str(PERIOD_US)]
+ENOUGH = 100
+SECONDS = (3, 12, 48)
+"""A scan that is late does not sleep, and two of them are no single cycle: a busy machine is looked at for longer."""
+
+
+def counted_cycles(folder: Path, seconds: int, sends: re.Pattern[str]) -> list[list[str]]:
+    """The system calls of each single cycle of a scan that `timing` ran for so long, without those of its ends."""
+    command = [sys.executable, "-m", "station", "timing", "--seconds", str(seconds), "--period-us", str(PERIOD_US)]
     subprocess.run(
-        [str(shutil.which("strace")), "-ff", "-qq", "-o", str(tmp_path / "trace"), *command],
+        [str(shutil.which("strace")), "-ff", "-qq", "-o", str(folder / "trace"), *command],
         cwd=ROOT,
         capture_output=True,
         check=False,
-        timeout=120,
+        timeout=120 + seconds,
     )
+    (scan,) = [path for path in folder.glob("trace.*") if sends.search(path.read_text(errors="replace"))]
+    return [cycle for cycle in cycles(scan) if sum("sendto" in call for call in cycle) == 1][100:-10]
+
+
+def test_a_scan_makes_seven_system_calls_at_most(tmp_path):
     sends = re.compile(r'sendto\(\d+, "< send 205')
-    (scan,) = [path for path in tmp_path.glob("trace.*") if sends.search(path.read_text(errors="replace"))]
-    # a scan that is late does not sleep: two of them are no single cycle
-    counted = [cycle for cycle in cycles(scan) if sum("sendto" in call for call in cycle) == 1][100:-10]
-    assert len(counted) > 100
+    for seconds in SECONDS:
+        folder = tmp_path / str(seconds)
+        folder.mkdir()
+        counted = counted_cycles(folder, seconds, sends)
+        if len(counted) > ENOUGH:
+            break
+    assert len(counted) > ENOUGH
     worst = max(counted, key=len)
     assert len(worst) <= MOST, "\n".join(worst)
     for cycle in counted:

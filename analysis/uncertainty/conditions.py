@@ -22,7 +22,15 @@ from analysis.torque_ratio.quadrants import QUADRANTS, Quadrants, TorqueLine
 from analysis.trace.units import FloatArray
 from analysis.uncertainty.figures import TorqueChannel
 from analysis.uncertainty.scatter import USUAL, Coverage, coverage_of
-from analysis.uncertainty.seen_in_run import DelayTried, delay_tried, locked_width_arcmin, noise_seen_arcmin
+from analysis.uncertainty.seen_in_run import (
+    NO_SLOW_NOISE,
+    DelayTried,
+    SlowNoise,
+    delay_tried,
+    locked_width_arcmin,
+    noise_seen_arcmin,
+    slow_noise_seen,
+)
 
 AngleName = Literal["angle_in", "angle_out"]
 
@@ -78,9 +86,9 @@ class MeasurementConditions:
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
     the run, of the channels where they were. zeroes_shown_nm: how far off torque zeroes can be, of the channels whose
     lines show more than is declared. coverage: with which k an uncertainty is stated. noise_seen_arcmin,
-    locked_width_arcmin: what the angles show of their own errors (`seen_in_run`). way_arcmin: that the loaded shaft
-    turns in a cycle, at the output. left_open: sizes of the errors that the validity checks leave open and the budget
-    shall have, by check, in the unit of its error.
+    locked_width_arcmin, slow_noise: what angles and torques show of their own errors (`seen_in_run`). way_arcmin: that
+    the loaded shaft turns in a cycle, at the output. left_open: sizes of the errors that the validity checks leave open
+    and the budget shall have, by check, in the unit of its error.
     """
 
     method: Method
@@ -102,6 +110,7 @@ class MeasurementConditions:
     zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     zeroes_shown_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     noise_seen_arcmin: float = 0.0
+    slow_noise: SlowNoise = NO_SLOW_NOISE
     locked_width_arcmin: float = 0.0
     way_arcmin: float = 0.0
     left_open: Mapping[str, float] = field(default_factory=dict)
@@ -209,6 +218,7 @@ def conditions_of(
         zero_shifts_nm=zero_shifts_nm or {},
         zeroes_shown_nm=zeroes_shown_nm or {},
         noise_seen_arcmin=noise_seen_arcmin(found),
+        slow_noise=slow_noise_seen(found),
         locked_width_arcmin=locked_width_arcmin(found),
         way_arcmin=max(float(np.ptp(one.angle_arcmin)) for one in (loop.forward, loop.backward))
         + 2.0 * peak_nm / stiffness,

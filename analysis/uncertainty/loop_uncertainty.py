@@ -4,8 +4,8 @@ Sensitivities are central differences: the loop is moved by plus and minus one s
 metric is evaluated as it always is. So a new metric needs nothing here. GUM 5.1.4 note 2.
 
 Noise of the sensors is another matter: what averaging in blocks and monotone regression leave of it is no formula, so
-it is tried. The branch is laid out evenly in time, as it was measured, noise as declared is added, and it is reduced
-again, many times.
+it is tried. The branch is laid out evenly in time, as it was measured, noise as declared and as seen is added, and it
+is reduced again, many times.
 """
 
 from __future__ import annotations
@@ -31,6 +31,7 @@ from analysis.uncertainty.figures import SensorFigures
 from analysis.uncertainty.left_open import OPEN_SOURCES, TRIAL
 from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
 from analysis.uncertainty.scatter import deviation
+from analysis.uncertainty.seen_in_run import SlowNoise
 from analysis.uncertainty.sources import SOURCES, ErrorSource
 from analysis.uncertainty.transfer import transfer_moves, unit_moves
 from definitions.units import ARCMIN_PER_RAD
@@ -296,12 +297,13 @@ SEED = 1
 
 
 def noisy_loops(loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> list[Loop]:
-    """Return the loop as one cycle might have shown it with other noise; empty when no noise is declared."""
+    """Return the loop as one cycle might have shown it with other noise; empty when none is declared or seen."""
     random = np.random.default_rng(SEED)
     angle_sd = _angle_noise(conditions, figures)
     sensor = figures.torque_in if conditions.converted else figures.torque_out
     torque_sd = 0.0 if sensor is None else sensor.noise_fraction * sensor.full_scale_nm
-    if torque_sd == 0.0 and angle_sd == 0.0:
+    slow = conditions.slow_noise
+    if torque_sd == 0.0 and angle_sd == 0.0 and slow.sd_nm == 0.0:
         return []
     laid_out = [
         _even(loop.forward, conditions, 1, torque_sd, angle_sd),
@@ -311,7 +313,9 @@ def noisy_loops(loop: Loop, conditions: MeasurementConditions, figures: SensorFi
     for _ in range(NOISY_LOOPS):
         forward, backward = (
             made_rising(
-                branch.torque_nm + torque * random.standard_normal(branch.torque_nm.size),
+                branch.torque_nm
+                + torque * random.standard_normal(branch.torque_nm.size)
+                + _drawn(slow, branch, random),
                 branch.angle_arcmin + angle * random.standard_normal(branch.torque_nm.size),
                 np.ones(branch.torque_nm.size),
             )
@@ -319,6 +323,17 @@ def noisy_loops(loop: Loop, conditions: MeasurementConditions, figures: SensorFi
         )
         found.append(Loop(forward, backward, loop.method))
     return found
+
+
+def _drawn(slow: SlowNoise, branch: Branch, random: np.random.Generator) -> FloatArray | float:
+    """Draw slow noise along a branch that is laid out evenly: means of as many neighbours as err alike."""
+    if slow.sd_nm == 0.0:
+        return 0.0
+    points = branch.torque_nm.size
+    together = max(1, round(slow.along_nm * points / float(np.ptp(branch.torque_nm))))
+    sums = np.cumsum(np.append(0.0, random.standard_normal(points + together - 1)))
+    drawn: FloatArray = slow.sd_nm / math.sqrt(together) * (sums[together:] - sums[:-together])
+    return drawn
 
 
 def _even(

@@ -1,6 +1,9 @@
-"""What a run shows of its own errors: noise of its angles, a locked shaft that comes late, and what a delay would do.
+"""What a run shows of its own errors: its noise, fast and slow, a locked shaft that comes late, and a delay tried.
 
 Nothing that is declared says so: a data sheet knows neither the cable nor a filter that somebody has switched on.
+
+Noise of a torque whose neighbours err alike is not averaged away by them. Two cycles show it by their scatter. In one
+cycle the torque is off the line over the torque of the other shaft, and off the course of the wind-up alike.
 
 A delay of the torque is tried: the samples are delayed, and reduced to branches again. The mean rate of the torque says
 too little. A drive is slower next to a turn and in the gap, and its torque ripples: where it runs back for a moment
@@ -18,7 +21,9 @@ import numpy as np
 
 from analysis.loop.branches import Branch, binned, monotone
 from analysis.loop.measured import Measured
-from analysis.loop.samples import BranchSamples
+from analysis.loop.samples import BranchSamples, converts
+from analysis.torque_ratio.neighbours import alike
+from analysis.torque_ratio.quadrant_fit import FIT_BLOCKS
 from analysis.trace.units import FloatArray
 from definitions.units import ARCMIN_PER_RAD
 
@@ -33,6 +38,15 @@ MIDDLE = 0.5
 
 LEAST_SAMPLES = 20
 """Of a branch, from which a straight line of the locked shaft is fitted."""
+
+OF_A_LINE = 2
+"""Independent values that a line takes of its points: its offset and its slope follow what is slower than itself."""
+
+LOADED = (0.15, 0.97)
+"""Shares of the peak torque between which the torques are held against each other: beyond the gap, before the turn."""
+
+CURVE = 3
+"""Degree of the course of the wind-up over the torque where it loads, which is curved and not noise."""
 
 DELAY_S = 4e-3
 """Delay that is tried, and one sample at least: shorter, noise outweighs it, longer, it passes over ripples."""
@@ -55,6 +69,81 @@ def noise_seen_arcmin(found: Measured) -> float:
         squares = np.square(np.concatenate(pieces)) / SECOND_DIFFERENCE
         variance += float(squares.mean()) * (ARCMIN_PER_RAD / scale) ** 2 if squares.size else 0.0
     return math.sqrt(variance)
+
+
+class SlowNoise(NamedTuple):
+    """Noise of the torque whose neighbours err alike: standard deviation, and the torque along which they do, N·m."""
+
+    sd_nm: float
+    along_nm: float
+
+
+NO_SLOW_NOISE = SlowNoise(0.0, 0.0)
+
+
+def slow_noise_seen(found: Measured) -> SlowNoise:
+    """Return the slow noise of the output torque that loading shows in a single cycle; none where two scatter by it.
+
+    None either where a torque is missing, or the output's is converted: what is left of a conversion has its own row.
+    """
+    trace = found.trace
+    if len(found.pairs) > 1 or trace.torque_in_nm is None or converts(trace, found.method):
+        return NO_SLOW_NOISE
+    flanks = [_flank(one, one.run.take(trace.torque_in_nm)[one.masked :]) for pair in found.pairs for one in pair]
+    if any(flank[0].size < LEAST_SAMPLES or not all(np.ptp(values) > 0.0 for values in flank) for flank in flanks):
+        return NO_SLOW_NOISE
+    off = [torque - _course(other, torque, 1) for torque, other, _ in flanks]
+    parts = [_slow_part(torque, residuals) for (torque, *_), residuals in zip(flanks, off, strict=True)]
+    variance, together = np.mean(parts, axis=0).tolist()
+    if not variance > 0.0:
+        return NO_SLOW_NOISE
+    return SlowNoise(_confirmed(flanks, off) * math.sqrt(variance), together / variance)
+
+
+def _flank(one: BranchSamples, other_nm: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return a branch where it loads, averaged along time: its torque, the torque at the input, and its wind-up."""
+    loaded = one.run.direction * one.torque_nm
+    low, high = (share * float(loaded.max()) for share in LOADED)
+    chosen = np.flatnonzero((loaded >= low) & (loaded <= high))
+    starts = np.arange(0, chosen.size, max(-(-chosen.size // FIT_BLOCKS), 1))
+    counts = np.diff(np.append(starts, chosen.size))
+    torque, other, windup = (
+        np.add.reduceat(values[chosen], starts) / counts for values in (one.torque_nm, other_nm, one.windup_arcmin)
+    )
+    return torque, other, windup
+
+
+def _confirmed(flanks: Sequence[tuple[FloatArray, FloatArray, FloatArray]], off_nm: Sequence[FloatArray]) -> float:
+    """Return which share of what the torques are apart the wind-up confirms as an error of the output's, 0 to 1.
+
+    An error of that torque is off the course of the wind-up as well. The input torque has friction and what speeds the
+    drive up; the wind-up has a curve. They do not know of each other.
+    """
+    both, alone = 0.0, 0.0
+    for (torque, _, windup), residuals in zip(flanks, off_nm, strict=True):
+        stiffness = float(np.ptp(torque) / np.ptp(windup))
+        along = np.linspace(-1.0, 1.0, torque.size)
+        by_windup = stiffness * (_course(torque, windup, CURVE) - windup)
+        one, other = (values - _course(along, values, CURVE) for values in (residuals, by_windup))
+        both += float(one @ other)
+        alone += float(one @ one)
+    return min(max(both / alone, 0.0), 1.0) if alone > 0.0 else 0.0
+
+
+def _course(x: FloatArray, y: FloatArray, degree: int) -> FloatArray:
+    """Values of the polynomial of least squares through points."""
+    course: FloatArray = np.polynomial.Polynomial.fit(x, y, degree)(x)
+    return course
+
+
+def _slow_part(torque_nm: FloatArray, residuals: FloatArray) -> tuple[float, float]:
+    """Return what of a line's residuals, in order, is slow: its variance, and that times the torque that is alike."""
+    size, factor = residuals.size, alike(residuals)
+    independent = max(size / factor, OF_A_LINE + 1.0)
+    variance = float(residuals @ residuals) / size * independent / (independent - OF_A_LINE)
+    fast = float(np.square(np.diff(residuals, 2)).mean()) / SECOND_DIFFERENCE
+    step_nm = float(np.ptp(torque_nm)) / size
+    return max(variance - fast, 0.0), max(factor * variance - fast, 0.0) * step_nm
 
 
 def locked_width_arcmin(found: Measured) -> float:

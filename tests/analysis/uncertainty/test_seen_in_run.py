@@ -1,4 +1,4 @@
-"""Noise of an angle and a late angle of the locked shaft are in the budget, as the samples show them."""
+"""Noise of an angle, slow noise of a torque, and a late locked shaft are in the budget, as the samples show them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,19 @@ import dataclasses
 
 import numpy as np
 import pytest
-from budget_support import METHOD, QUIET, TRACE, contributions, metric
-from reference_unit import ARC, FIGURES, RATIO
+from budget_support import METHOD, QUIET, TRACE, UNIT, contributions, metric
+from reference_unit import ARC, FIGURES, RATIO, bench_trace
 from scipy.signal import lfilter
 
 from analysis.loop.measured import measure
 from analysis.trace.trace import Trace
-from analysis.uncertainty.seen_in_run import locked_width_arcmin, noise_seen_arcmin
+from analysis.uncertainty.seen_in_run import NO_SLOW_NOISE, locked_width_arcmin, noise_seen_arcmin, slow_noise_seen
 
 NOISE_ARCMIN = 0.01
 LAG_S = 0.25
+ONE_CYCLE = bench_trace(UNIT, 453.2, cycles=1)
+WANDERS_NM = 1.0
+WANDERS_S = 0.1
 
 
 def noisy(trace: Trace, arcmin: float) -> Trace:
@@ -26,6 +29,13 @@ def noisy(trace: Trace, arcmin: float) -> Trace:
 def late(trace: Trace, lag_s: float) -> Trace:
     share = 1.0 - np.exp(-1e-3 / lag_s)
     return dataclasses.replace(trace, angle_out_rad=lfilter([share], [1.0, share - 1.0], trace.angle_out_rad))
+
+
+def wandering(trace: Trace, seed: int) -> Trace:
+    kept = np.exp(-1e-3 / WANDERS_S)
+    steps = np.random.default_rng(seed).normal(0.0, WANDERS_NM * np.sqrt(1.0 - kept**2), 2 * trace.samples)
+    noise = lfilter([1.0], [1.0, -kept], steps)[trace.samples :]
+    return dataclasses.replace(trace, torque_out_nm=trace.torque_out_nm + noise)
 
 
 def test_a_sound_bench_shows_next_to_nothing() -> None:
@@ -55,3 +65,25 @@ def test_what_a_late_locked_shaft_moves_is_in_its_uncertainty(name: str) -> None
     assert locked_width_arcmin(measure(late(QUIET, LAG_S), METHOD)) == pytest.approx(width, rel=0.1)
     assert 0.0 < abs(found.value - true.value) <= found.budget.expanded
     assert found.budget.expanded > true.budget.expanded
+
+
+def test_slow_noise_of_one_cycle_is_told_by_its_torques() -> None:
+    found = slow_noise_seen(measure(wandering(ONE_CYCLE, 1), METHOD))
+    assert found.sd_nm == pytest.approx(WANDERS_NM, rel=0.2)
+    assert found.along_nm == pytest.approx(2.0 * WANDERS_S * 60.0, rel=0.4)  # neighbours of so long, at 60 N·m/s
+    assert slow_noise_seen(measure(ONE_CYCLE, METHOD)).sd_nm < 0.02 * WANDERS_NM
+
+
+def test_cycles_that_scatter_and_one_torque_alone_tell_no_slow_noise() -> None:
+    alone = dataclasses.replace(ONE_CYCLE, torque_in_nm=None)
+    assert slow_noise_seen(measure(wandering(TRACE, 1), METHOD)) == NO_SLOW_NOISE
+    assert slow_noise_seen(measure(wandering(alone, 1), METHOD)) == NO_SLOW_NOISE
+
+
+@pytest.mark.parametrize("name", ["spring_constant", "stiffness_lsq", "backlash_width_3pct"])
+def test_what_slow_noise_moves_in_one_cycle_is_in_its_uncertainty(name: str) -> None:
+    """Taken for independent from sample to sample it moved the spring constant by seven times its U."""
+    true = metric(name, FIGURES, trace=ONE_CYCLE).headline
+    for seed in range(3):
+        found = metric(name, FIGURES, trace=wandering(ONE_CYCLE, seed)).headline
+        assert abs(found.value - true.value) <= found.budget.expanded

@@ -126,7 +126,8 @@ def application(station: Station, served: Served, port: int) -> ASGIApp:
     nicegui.on_shutdown(station.trials.close)
     nicegui.on_startup(lambda: station.running.stay_ready(likely_first(station.data, station.models)))
     add_recipe_pages(station)
-    ui.run_with(app, title="lostmotion", language="en-US", show_welcome_message=False)
+    # Tailwind would look for classes at every change of a page, in the browser: `style.css` has the rules instead.
+    ui.run_with(app, title="lostmotion", language="en-US", tailwind=False, show_welcome_message=False)
     return Guard(app, hosts_of(served, port), keeper_of(station))
 
 

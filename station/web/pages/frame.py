@@ -65,10 +65,6 @@ class Column(TypedDict, total=False):
 LONGEST_BUILD_S = 15.0
 """Longest time in which a page reads what it shows, on a computer that does other things."""
 
-FORGET_MARKS = "setInterval(() => { performance.clearMarks(); performance.clearMeasures(); }, 10000)"
-"""The style sheets' script, Tailwind, marks the time of each of its looks at the page, and a browser keeps every mark:
-a page that changes ten times a second would grow by megabytes an hour."""
-
 KEEP_SEARCH = (
     "document.addEventListener('click', event => {"
     " const link = event.target.closest('.lm-bar a[href^=\"/results\"]');"
@@ -136,7 +132,6 @@ def bar(station: Station, session: Session, here: str, say: Words) -> ui.label:
     ui.add_css((HERE / "style.css").read_text(encoding="utf-8"))
     ui.colors(primary=BUSY)  # what Quasar takes for its labels cannot be read on grey
     ui.run_javascript(f"document.documentElement.lang = {say.language!r}")
-    ui.run_javascript(FORGET_MARKS)
     ui.run_javascript(f"window.socket.io.reconnectionDelayMax({LONGEST_PAUSE_MS})")
     ui.run_javascript(KEEP_SEARCH)
     with ui.element("header").classes("lm-bar"):

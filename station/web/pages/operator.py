@@ -154,7 +154,7 @@ class _Page:
                 self._why = ui.html(sanitize=False).classes("lm-why").props('tabindex="0"')
             with ui.element("section").classes("lm-right") as self._right:
                 self._figures = ui.html(sanitize=False).classes("lm-figures")
-                chart = ui.echart(_chart_options(self._words)).classes("w-full").style("flex: 1 1 auto; height: 60vh")
+                chart = ui.echart(_chart_options(self._words)).style("flex: 1 1 auto; height: 60vh")
                 self._loop = GrowingLoop(chart)
         ui.on("scan", self._scanned)
         ui.on("typed", self._typed)

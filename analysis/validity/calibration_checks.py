@@ -16,14 +16,22 @@ import numpy as np
 from analysis.loop.measured import Measured
 from analysis.loop.samples import converts
 from analysis.torque_ratio.line_fit import fit_torque_ratio
-from analysis.torque_ratio.quadrant_fit import bounce_ends_nm, quadrant_points
+from analysis.torque_ratio.quadrant_fit import quadrant_points
 from analysis.torque_ratio.quadrants import Quadrants
 from analysis.torque_ratio.transition_fit import ZERO_BOUND
 from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import Run
 from analysis.trace.units import FloatArray
 from analysis.validity.evidence import Figure, Reading, of_measured
-from analysis.validity.settled_lines import IN_TRANSITION, SIDES, TOLD, WITHOUT_PLAY, ratios_apart, settled_lines
+from analysis.validity.settled_lines import (
+    IN_TRANSITION,
+    SIDES,
+    TOLD,
+    WITHOUT_PLAY,
+    begins_of_both_nm,
+    ratios_apart,
+    settled_lines,
+)
 from definitions.checks import CHECKS
 
 STRETCH, LEAST_IN_STRETCH = 0.1, 5
@@ -160,8 +168,7 @@ def calibration_torque(found: Measured) -> Reading | str:
     if not calibration:
         return "needs a calibration in this run"
     peak_nm = max(float(np.abs(run.take(trace.torque_out_nm)).max()) for run in calibration)
-    ends = [bounce_ends_nm(trace, runs) for runs in (calibration, cycles)]
-    begins = {name: max(end.get(name, 0.0) for end in ends) for name in ends[0] | ends[1]}
+    begins = begins_of_both_nm(trace, calibration, cycles)
     # Below the share of these a side that is loaded from rest has friction of its own, and one with play bounces.
     own, others = (
         quadrant_points(trace, runs, loading=WITHOUT_PLAY, begins_nm=begins) for runs in (calibration, cycles)

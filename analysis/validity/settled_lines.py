@@ -138,14 +138,19 @@ def ratios_apart(trace: Trace, runs: Sequence[Run], others: Sequence[Run]) -> di
     The loading lines of both begin where neither bounces. A transition that has not ended is in both alike, and leaves
     the difference before it leaves the ratios. Raises AnalysisError as `settled_lines`.
     """
-    ends = [bounce_ends_nm(trace, some) for some in (runs, others)]
-    begins = {name: max(end.get(name, 0.0) for end in ends) for name in ends[0] | ends[1]}
+    begins = begins_of_both_nm(trace, runs, others)
     one, other = (_by_share(trace, some, begins, WITHOUT_PLAY) for some in (runs, others))
     known = [
         {**fits, **{f"{OTHER}{name}": fit for name, fit in beside.items()}}
         for fits, beside in zip(one, other, strict=False)
     ]
     return {side: told(known, partial(_ratio_beyond, side=side)) for side in SIDES}
+
+
+def begins_of_both_nm(trace: Trace, runs: Sequence[Run], others: Sequence[Run]) -> dict[str, float]:
+    """Return the torque [N·m] from which on neither of two groups of runs bounces, of the loading lines that do."""
+    ends = [bounce_ends_nm(trace, some) for some in (runs, others)]
+    return {name: max(end.get(name, 0.0) for end in ends) for name in ends[0] | ends[1]}
 
 
 def _ratio_beyond(fits: Lines, side: str) -> float:

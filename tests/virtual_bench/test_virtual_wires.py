@@ -92,6 +92,7 @@ def served(server_config: ServerConfig) -> Iterator[Served]:
 @pytest.fixture
 def network(served: Served) -> Iterator[canopen.Network]:
     network = canopen.Network()
+    network.NOTIFIER_CYCLE = 0.05  # how long its reader may wait for a frame when it is to end
     network.connect(
         interface="socketcand",
         host=served.ready["can"]["host"],

@@ -7,21 +7,19 @@ the unit has. Each returns a Reading, or the reason in words why the figure does
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable
 from functools import wraps
-from typing import NamedTuple
 
 import numpy as np
 
 from analysis.loop.measured import Measured
 from analysis.loop.samples import converts
-from analysis.torque_ratio.line_fit import fit_torque_ratio
 from analysis.torque_ratio.quadrant_fit import quadrant_points
 from analysis.torque_ratio.quadrants import Quadrants
+from analysis.torque_ratio.stretches import beyond_friction, stretches_of
 from analysis.torque_ratio.transition_fit import ZERO_BOUND
 from analysis.trace.errors import AnalysisError
 from analysis.trace.runs import Run
-from analysis.trace.units import FloatArray
 from analysis.validity.evidence import Figure, Reading, of_measured
 from analysis.validity.settled_lines import (
     IN_TRANSITION,
@@ -33,19 +31,6 @@ from analysis.validity.settled_lines import (
     settled_lines,
 )
 from definitions.checks import CHECKS
-
-STRETCH, LEAST_IN_STRETCH = 0.1, 5
-"""Share of the peak torque of the calibration over which torques are averaged, and points of each that it takes."""
-
-FRICTION_TERMS = 2
-"""Terms that friction may have changed by: without load, and with it."""
-
-AT_NO_LOAD = 0.25
-"""Share of the limit at half of the peak torque that is allowed at no load; from there it grows with the torque.
-
-Friction under load is never twice the same, and what differs grows with the load. A zero that moves does not, and an
-offset is read where there is none.
-"""
 
 NOT_CONVERTED = "needs an output torque that is calculated by a calibration in this run"
 NO_TRANSITION = "not needed: the calibration shows no transition after a reversal"
@@ -175,14 +160,14 @@ def calibration_torque(found: Measured) -> Reading | str:
     )
     try:
         shown = settled_lines(trace, cycles).ratios
-        by_side = [_stretches(own, others, side, peak_nm) for side in SIDES]
+        by_side = [stretches_of(own, others, side, peak_nm) for side in SIDES]
     except AnalysisError as error:
         return f"not measured: {error}"
     if max(one.expanded for one in shown.values()) > TOLD * found.method.ratio:
         return IN_TRANSITION
     worst, words = 0.0, ""
     for stretches in by_side:
-        for one, left_nm in zip(stretches, _beyond_friction(stretches), strict=True):
+        for one, left_nm in zip(stretches, beyond_friction(stretches), strict=True):
             beyond = max(0.0, abs(left_nm) - 2.0 * one.u_nm) / (one.allowed * peak_nm)
             if beyond > worst:
                 worst = beyond
@@ -191,64 +176,6 @@ def calibration_torque(found: Measured) -> Reading | str:
                     f"{abs(left_nm):.2g} N·m near {one.torque_nm:.3g} N·m, and a change of friction does not explain it"
                 )
     return Reading(100.0 * worst, words)
-
-
-class _Stretch(NamedTuple):
-    """A stretch of torque on a line: by how much the calibration is beyond the cycles there, as torque while loading.
-
-    way: 1 while loading, -1 while unloading. torque_nm: its middle. u_nm: of apart_nm, by the scatter of the points
-    within. allowed: over what is allowed at half of the peak torque.
-    """
-
-    way: float
-    torque_nm: float
-    apart_nm: float
-    u_nm: float
-    allowed: float
-
-
-WAYS = {"load": 1.0, "unload": -1.0}
-"""Way of the lines by the first word of their names."""
-
-Points = Mapping[str, tuple[FloatArray, FloatArray]]
-"""Input and output torques by quadrant."""
-
-
-def _stretches(calibration: Points, cycles: Points, side: str, peak_nm: float) -> list[_Stretch]:
-    """Return what the calibration is beyond the cycles on both lines of a side, from straight lines of the cycles."""
-    sign = 1.0 if side == "positive" else -1.0
-    found: list[_Stretch] = []
-    lines = {way: fit_torque_ratio(*cycles[f"{name}_{side}"]) for name, way in WAYS.items()}
-    if not min(line.slope for line in lines.values()) > 0.0:
-        return found
-    for name, way in WAYS.items():
-        # Friction is alike both ways as torque at the input, so all is told as torque by the slope of loading.
-        line, scale = lines[way], lines[1.0].slope / lines[way].slope
-        pairs = (points[f"{name}_{side}"] for points in (calibration, cycles))
-        parts = [(sign * y, scale * (y - line.torque_out_nm(x))) for x, y in pairs]
-        for low in np.arange(0.0, 1.0, STRETCH):
-            within = [left[(at >= low * peak_nm) & (at < (low + STRETCH) * peak_nm)] for at, left in parts]
-            if min(left.size for left in within) < LEAST_IN_STRETCH:
-                continue
-            apart = float(within[0].mean() - within[1].mean())
-            u = math.sqrt(sum(float(left.var(ddof=1)) / left.size for left in within))
-            middle = float(low) + STRETCH / 2.0
-            allowed = AT_NO_LOAD + 2.0 * (1.0 - AT_NO_LOAD) * middle
-            found.append(_Stretch(way, sign * middle * peak_nm, apart, u, allowed))
-    return found
-
-
-def _beyond_friction(stretches: Sequence[_Stretch]) -> Sequence[float]:
-    """Return what is left of each stretch, N·m, when friction may have changed; too few of them say nothing."""
-    if len(stretches) <= FRICTION_TERMS:
-        return [0.0] * len(stretches)
-    way, torque, apart, allowed = (
-        np.array([getattr(one, name) for one in stretches]) for name in ("way", "torque_nm", "apart_nm", "allowed")
-    )
-    terms = np.column_stack((way, way * torque))
-    changed = np.linalg.lstsq(terms / allowed[:, np.newaxis], apart / allowed, rcond=None)[0]
-    left: list[float] = (apart - terms @ changed).tolist()
-    return left
 
 
 def _calibration(found: Measured) -> list[Run]:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field
-from reportlab.graphics import renderSVG
 from reportlab.graphics.barcode.qr import QrCodeWidget
 from reportlab.graphics.shapes import Drawing
 
@@ -135,13 +135,28 @@ def _row(side: MetricValue, result: Result) -> JudgedRow:
     )
 
 
-def code_drawing(code: str, side_pt: float) -> Any:
+def code_widget(code: str, side_pt: float) -> Any:
     """Return a code as a QR square of this side [pt], with the white border that scanners need."""
-    widget = QrCodeWidget(code, barLevel="M", barWidth=side_pt, barHeight=side_pt)
-    return Drawing(side_pt, side_pt, widget)
+    return QrCodeWidget(code, barLevel="M", barWidth=side_pt, barHeight=side_pt)
+
+
+def code_drawing(code: str, side_pt: float) -> Any:
+    """Return a code to be put on a page."""
+    return Drawing(side_pt, side_pt, code_widget(code, side_pt))
 
 
 def code_svg(code: str) -> bytes:
-    """Return a code as an SVG picture."""
-    text: str = renderSVG.drawToString(code_drawing(code, 120.0))
-    return text.encode()
+    """Return a code as an SVG picture: a rectangle for each run of dark modules in a row, and the white border."""
+    widget = code_widget(code, 0.0)
+    widget.qr.make()
+    side = widget.qr.getModuleCount() + 2 * widget.barBorder
+    runs = []
+    for y, row in enumerate(widget.qr.modules, start=widget.barBorder):
+        x = widget.barBorder
+        for dark, modules in groupby(row, key=bool):
+            width = len(list(modules))
+            if dark:
+                runs.append(f'<rect x="{x}" y="{y}" width="{width}" height="1"/>')
+            x += width
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {side} {side}" shape-rendering="crispEdges">'
+    return "".join((head, *runs, "</svg>")).encode()

@@ -103,9 +103,9 @@ def test_a_disk_that_fills_up_stops_the_run_and_loses_nothing(disk, begin):
     assert not ring.exists()
 
 
-def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, begin):
-    run = begin(disk)
-    run.wait_for(lambda: recording(disk))
+def test_a_disk_that_is_full_for_a_moment_costs_the_run_but_no_record(disk, start, one_ramp):
+    run = start("run", *one_ramp, "--serial", "D", "--json", data=disk)
+    run.wait_for(lambda: recording(disk, period_ms=4))
     ballast = fill(disk)
     size = next(disk.glob("*/samples.bin")).stat().st_size
     time.sleep(0.4)

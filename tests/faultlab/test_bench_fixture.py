@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -79,25 +78,61 @@ def test_until_the_end_of_time_fails_too(lostmotion_bench, monkeypatch):
         lostmotion_bench.until(state="lock", after_scans=1_000_000)
 
 
-def test_a_failure_is_shown_at_the_line_of_the_test(pytester_of_its_own):
-    said = pytester_of_its_own(
-        """
-        def test_mine(lostmotion_bench):
-            lostmotion_bench.until(state="lock")
-            lostmotion_bench.inject("io.guard", "open")
-            lostmotion_bench.until(state="complete")
+MINE = """
+def test_mine(lostmotion_bench):
+    lostmotion_bench.until(state="lock")
+    lostmotion_bench.inject("io.guard", "open")
+    lostmotion_bench.until(state="complete")
 
 
-        def test_verb(lostmotion_bench):
-            lostmotion_bench.inject("io.guard", "oppen")
+def test_verb(lostmotion_bench):
+    lostmotion_bench.inject("io.guard", "oppen")
 
 
-        def test_expectation(lostmotion_bench):
-            lostmotion_bench.until(state="lock")
-            lostmotion_bench.inject("io.guard", "open")
-            lostmotion_bench.expect(reaction="power_off", within_scans=0)
-        """
-    )
+def test_expectation(lostmotion_bench):
+    lostmotion_bench.until(state="lock")
+    lostmotion_bench.inject("io.guard", "open")
+    lostmotion_bench.expect(reaction="power_off", within_scans=0)
+
+
+import pytest
+
+
+@pytest.mark.lostmotion(recpe="rv-40e-121-faults")
+def test_name(lostmotion_bench):
+    pass
+
+
+@pytest.mark.lostmotion("rv-40e-121-faults")
+def test_without_name(lostmotion_bench):
+    pass
+
+
+@pytest.mark.lostmotion(recipe="nowhere.yaml")
+def test_recipe(lostmotion_bench):
+    pass
+
+
+@pytest.mark.lostmotion(unit="P9")
+def test_unit(lostmotion_bench):
+    pass
+
+
+def test_old_name(bench):
+    pass
+"""
+
+
+@pytest.fixture(scope="module")
+def said(tmp_path_factory):
+    """What pytest says of such a file in a folder outside of the project: the plug-in comes with the package."""
+    folder = tmp_path_factory.mktemp("mine")
+    (folder / "test_mine.py").write_text(MINE.lstrip(), encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_mine.py"]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder).stdout
+
+
+def test_a_failure_is_shown_at_the_line_of_the_test(said):
     assert "test_mine.py:4: Failed" in said
     assert "test_mine.py:8: ValueError" in said
     assert "ValueError: test_mine.py:8:5: verb: found 'oppen'" in said
@@ -108,56 +143,18 @@ def test_a_failure_is_shown_at_the_line_of_the_test(pytester_of_its_own):
     assert "3 failed" in said
 
 
-def test_a_marker_that_cannot_be_followed_fails_its_test_and_says_what_is_allowed(pytester_of_its_own):
-    said = pytester_of_its_own(
-        """
-        import pytest
-
-
-        @pytest.mark.lostmotion(recpe="rv-40e-121-faults")
-        def test_name(lostmotion_bench):
-            pass
-
-
-        @pytest.mark.lostmotion("rv-40e-121-faults")
-        def test_without_name(lostmotion_bench):
-            pass
-
-
-        @pytest.mark.lostmotion(recipe="nowhere.yaml")
-        def test_recipe(lostmotion_bench):
-            pass
-
-
-        @pytest.mark.lostmotion(unit="P9")
-        def test_unit(lostmotion_bench):
-            pass
-        """
-    )
+def test_a_marker_that_cannot_be_followed_fails_its_test_and_says_what_is_allowed(said):
     assert "found 'recpe'; allowed: recipe, bench, unit or seed, each as NAME=VALUE" in said
     assert "found 'rv-40e-121-faults'; allowed: recipe" in said
     assert "nowhere.yaml:1:1: found no such file" in said
     assert "found 'P9', allowed P1" in said
     assert "Traceback" not in said
     assert "pytest_plugin.py" not in said
-    assert "4 errors" in said
+    assert "5 errors" in said, "these four and the one below"
 
 
-def test_the_old_name_is_free_for_others(pytester_of_its_own):
-    said = pytester_of_its_own("def test_mine(bench):\n    pass\n")
+def test_the_old_name_is_free_for_others(said):
     assert "fixture 'bench' not found" in said
-
-
-@pytest.fixture
-def pytester_of_its_own(tmp_path):
-    """Run a test file in a folder outside of the project, where the plug-in comes with the installed package."""
-
-    def run(text: str) -> str:
-        (tmp_path / "test_mine.py").write_text(textwrap.dedent(text).lstrip(), encoding="utf-8")
-        command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", "test_mine.py"]
-        return subprocess.run(command, capture_output=True, text=True, check=False, cwd=tmp_path).stdout
-
-    return run
 
 
 def test_what_comes_after_the_end_fails_because_nothing_judges_it(lostmotion_bench):

@@ -5,11 +5,14 @@ from __future__ import annotations
 import subprocess
 import sys
 from collections.abc import Iterator
+from math import isnan, nan
 from pathlib import Path
 
 import pytest
+from test_same_bits import Y
 
 from virtual_bench.physics import machine_code
+from virtual_bench.physics.decay import decay
 
 LOADS = """
 import sys
@@ -69,3 +72,11 @@ def test_code_that_calls_more_than_can_be_found_is_refused(monkeypatch: pytest.M
     monkeypatch.setattr(machine_code, "ROUNDS", 0)
     with pytest.raises(RuntimeError, match="numba_gil_ensure"):
         machine_code._compiled("", "")
+
+
+def test_what_is_compiled_gives_the_same_bits() -> None:
+    """Here, where numba has been loaded for the test before: that takes seconds."""
+    from virtual_bench.physics.plant_kernel import decay_of as compiled  # noqa: PLC0415
+
+    assert [compiled(y) for y in Y.tolist()] == decay(Y).tolist()
+    assert isnan(compiled(nan))

@@ -74,13 +74,6 @@ def test_of_one_number_it_has_the_same_bits() -> None:
     assert isnan(decay_of(nan))
 
 
-def test_what_is_compiled_gives_the_same_bits() -> None:
-    from virtual_bench.physics.plant_kernel import decay_of as compiled  # noqa: PLC0415 - it compiles for some seconds
-
-    assert [compiled(y) for y in Y.tolist()] == decay(Y).tolist()
-    assert isnan(compiled(nan))
-
-
 @pytest.mark.parametrize("r", [0.0, 1e-9, -0.0108, 0.0108])
 def test_the_series_stands_for_small_numbers(r: float) -> None:
     assert series(r) == pytest.approx(exp(-r), rel=4e-16, abs=0.0)

@@ -13,10 +13,10 @@ FloatArray = npt.NDArray[np.float64]
 
 def elastic_windup_arcmin(unit: Unit, torque_nm: FloatArray) -> FloatArray:
     """Return the elastic wind-up over torque: linear part, soft contact at low torque, gap."""
-    magnitude = np.abs(torque_nm)
+    magnitude, sign = np.abs(torque_nm), np.sign(torque_nm)
     stiffness = np.where(torque_nm >= 0.0, unit.stiffness_positive_nm_per_arcmin, unit.stiffness_negative_nm_per_arcmin)
-    soft = unit.soft_arcmin * np.sign(torque_nm) * (1.0 - decay(magnitude / unit.soft_torque_nm))
+    soft = unit.soft_arcmin * sign * (1.0 - decay(magnitude / unit.soft_torque_nm))
     closing = decay(2.0 * magnitude / unit.gap_torque_nm)  # tanh x = (1 − exp(−2x)) / (1 + exp(−2x))
-    gap = unit.gap_arcmin / 2.0 * np.sign(torque_nm) * (1.0 - closing) / (1.0 + closing)
+    gap = unit.gap_arcmin / 2.0 * sign * (1.0 - closing) / (1.0 + closing)
     windup: FloatArray = torque_nm / stiffness + soft + gap
     return windup

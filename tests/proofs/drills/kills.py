@@ -117,11 +117,13 @@ def kill(
     *,
     resume: bool = False,
     since: str = "run",
+    period: str = "1 ms",
     start: Callable[[tuple[str, ...], Path], Started] = cold,
 ) -> Killed:
     """Start a run, kill `who` ("scan" or "desk") so long after a row of BEGUN, and bring the run to its end."""
     words = ("--bench", str(patient_bench(data)), "--serial", "K", "--json", "--data", str(data))
-    supervisor = start(("run", str(short_recipe(data)), *words), data / "supervisor.txt")
+    recipe = short_recipe(data, {"sampling": {"period": period}})
+    supervisor = start(("run", str(recipe), *words), data / "supervisor.txt")
     try:
         ring, ring_path = wait_for(lambda: _ring_of(data), "scan process at the ring")
         (folder,) = (path.parent for path in data.glob("*/run.json"))

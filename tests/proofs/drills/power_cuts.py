@@ -143,12 +143,13 @@ def first_alarm(shown: Mapping[str, Any]) -> str:
 class Drill:
     """One folder of runs whose power is cut again and again."""
 
-    def __init__(self, data: Path, ask: Callable[..., Answer] = lostmotion) -> None:
+    def __init__(self, data: Path, ask: Callable[..., Answer] = lostmotion, period: str = "1 ms") -> None:
         self.data = data
         self.ask = ask
         self.runs = data / "runs"
         self.known: dict[str, tuple[str, int]] = {}
-        self.words = (str(short_recipe(data)), "--bench", str(patient_bench(data)))
+        recipe = short_recipe(data, {"sampling": {"period": period}})
+        self.words = (str(recipe), "--bench", str(patient_bench(data)))
 
     def cut(self, after_s: float, *, ring_too: bool, loaded: bool) -> tuple[str, list[str]]:
         """Start a run, cut the power so long after the command, restart; what was found, and what must not be.

@@ -58,7 +58,7 @@ def test_a_run_that_was_cut_off_has_the_state_of_its_last_record(table, state, v
 
 @pytest.mark.wires
 def test_after_a_power_cut_the_run_is_found_and_what_it_left_is_said(tmp_path):
-    drill = Drill(tmp_path, asked_here)
+    drill = Drill(tmp_path, asked_here, "4 ms")  # where it is cut off counts, and not after how many scans
     found, wrong = drill.cut(4.0, ring_too=True, loaded=True)
     assert not wrong, wrong
     assert "interrupted" in found

@@ -56,9 +56,11 @@ def test_a_certificate_says_what_the_record_says(data: Path) -> None:
     assert square is not None
     modules = QrCodeWidget(found.code, barLevel="M")
     modules.draw()
-    dark = sum(bool(one) for row in modules.qr.modules for one in row)
-    drawn = base64.b64decode(square[1]).decode()
-    assert drawn.count("<rect") >= dark // 8, "the square is drawn, by runs of its modules"
+    border = modules.barBorder
+    dark = {(x + border, y + border) for y, row in enumerate(modules.qr.modules) for x, one in enumerate(row) if one}
+    rows = re.findall(r'<rect x="(\d+)" y="(\d+)" width="(\d+)" height="1"/>', base64.b64decode(square[1]).decode())
+    drawn = {(int(x) + n, int(y)) for x, y, width in rows for n in range(int(width))}
+    assert drawn == dark, "every module of the square is drawn, and no other"
     assert pdf == made_report(run, keep=False)[1], "the same record gives the same bytes"
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from lostmotion_command import ROOT
-from patient import OPEN_GATES, QUICK_RECIPE, write_changed
+from patient import QUICK_RECIPE, write_changed
 
 from station.own_program import own_module
 
@@ -40,7 +40,7 @@ def typed(folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_run_over_wires_takes_nothing_from_there(folder: Path) -> None:
-    recipe = write_changed(QUICK_RECIPE, folder / "quick.yaml", OPEN_GATES, {"sampling": {"period": "20 ms"}})
+    recipe = write_changed(QUICK_RECIPE, folder / "quick.yaml", {"sampling": {"period": "10 ms"}})
     how = ("--serial", "W", "--seed", "1", "--pace", "fast", "--data", "runs", "--no-report")
     ran = typed(folder, "run", str(recipe), *how)
     assert ran.returncode == 0, ran.stdout + ran.stderr

@@ -55,12 +55,21 @@ Made = TypeVar("Made")
 
 
 class Evaluations:
-    """The process, which is started when it is first needed, and again where it was killed."""
+    """The process: a fork of the server, or started when it is first needed; and again where it was killed."""
 
     def __init__(self) -> None:
         self._pool: ProcessPoolExecutor | None = None
         self._one_at_a_time, self._over = Lock(), Event()
         self._kept: OrderedDict[tuple[str, ...], object] = OrderedDict()
+
+    def fork(self) -> None:
+        """Start the process as a fork of this one, so that what both need is loaded once.
+
+        Only while this one has no thread and nothing open: a lock that it holds, the fork would hold for good.
+        """
+        with self._one_at_a_time:
+            self._pool = _pool("fork")
+            self._pool.submit(os.getpid)  # it starts with its first job
 
     def report(self, run: RunRecord) -> tuple[bytes, bytes]:
         """Return the report of a run as HTML and as PDF; StationError as `report_of`."""
@@ -151,9 +160,12 @@ class Evaluations:
             if self._over.is_set():
                 raise StationError("The server is shutting down. Try again when it runs again.")
             if self._pool is None:
-                # Spawned, not forked: the server has threads, and what they hold a fork would hold for ever.
-                self._pool = ProcessPoolExecutor(1, get_context("spawn"), _begin, (os.getpid(),))
+                self._pool = _pool("spawn")  # not forked: by now the server has threads
             return self._pool.submit(call, *asked)
+
+
+def _pool(way: str) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, get_context(way), _begin, (os.getpid(),))
 
 
 def _begin(server: int) -> None:
@@ -166,9 +178,9 @@ def _begin(server: int) -> None:
         os._exit(0)
 
     Thread(target=watch, daemon=True).start()
-    from station.results.evaluation import load_ahead
-
     with loading():
+        from station.results.evaluation import load_ahead
+
         load_ahead()  # now, and not when the first person waits for a loop
 
 

@@ -17,6 +17,7 @@ from station.heap import keep_heap_small
 from station.store.engines import keep_connections
 from station.web.aqdef.outbox import Writer
 from station.web.aqdef.settings import load_aqdef
+from station.web.evaluations import Evaluations
 from station.web.guard import Guard
 from station.web.labels.outbox import NOT_SET_UP, Printing, not_set_up
 from station.web.labels.settings import load_labels
@@ -62,8 +63,10 @@ class Served:
     run_options: tuple[str, ...] = ()
 
 
-def open_station(served: Served) -> tuple[Station, str | None]:
+def open_station(served: Served, evaluations: Evaluations | None = None) -> tuple[Station, str | None]:
     """Open the station of a data folder; return it, and the first account's password where it was just made.
+
+    evaluations: the process beside the server, where it was started before; the station closes it.
 
     Raises:
         StationError, RecipeError: the folder, the table of models or the address cannot be used.
@@ -96,6 +99,7 @@ def open_station(served: Served) -> tuple[Station, str | None]:
         settings,
         labels,
         aqdef,
+        evaluations=evaluations or Evaluations(),
         models_file=models_file,
     )
     return station, password
@@ -143,6 +147,14 @@ def hosts_of(served: Served, port: int) -> frozenset[str]:
     return frozenset({f"{name}:{port}" for name in bracketed} | (bracketed if port == usual else set()))
 
 
+def start_beside(data: Path) -> Evaluations:
+    """Start the process that evaluates, where local time is that of the plant from here on, as it is there."""
+    load_settings(data).use_time_zone()
+    evaluations = Evaluations()
+    evaluations.fork()
+    return evaluations
+
+
 def serve(served: Served) -> None:
     """Serve until the process is asked to end. A run that is on goes on without it.
 
@@ -150,10 +162,14 @@ def serve(served: Served) -> None:
         StationError, RecipeError: as `open_station`; the port is taken.
 
     """
+    evaluations = start_beside(served.data)  # before anything is opened: it would hold it too
     keep_heap_small()
     keep_connections()
-    station, password = open_station(served)
-    station.settings.use_time_zone()
+    try:
+        station, password = open_station(served, evaluations)
+    except BaseException:
+        evaluations.close()
+        raise
     outboxes: list[Sender | Printing | Writer] = []
     try:
         if station.mes is not None:

@@ -9,13 +9,14 @@ import sys
 from pathlib import Path
 
 import pytest
+from lostmotion_command import Running
 
 from recipes import RecipeError, load_recipe, open_regular, shipped_recipes
 
 ROOT = Path(__file__).parents[2]
 QUICK = shipped_recipes()["rv-40e-121-quick"]
 AT_ONCE_S = 60.0
-"""An interpreter that starts on a busy machine, and not one that waits."""
+"""A command that starts on a busy machine, and not one that waits."""
 
 
 def pipe(folder: Path) -> Path:
@@ -57,10 +58,13 @@ def test_a_link_to_a_file_is_a_file_and_a_link_to_a_pipe_is_none(tmp_path: Path)
 def test_no_command_waits_for_a_pipe(tmp_path: Path, words: tuple[str, ...]) -> None:
     named = [word.format(pipe=tmp_path / "pipe.yaml") for word in words]
     pipe(tmp_path)
-    command = [sys.executable, "-m", "station", *named]
-    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=AT_ONCE_S)
-    assert done.returncode == 2
-    assert "a pipe, but a file is needed" in done.stderr
+    command = Running(tuple(named))
+    try:
+        done = command.finish(AT_ONCE_S)
+    finally:
+        command.end()
+    assert done.exit_code == 2
+    assert "a pipe, but a file is needed" in done.err
 
 
 def test_standard_input_may_be_a_pipe() -> None:

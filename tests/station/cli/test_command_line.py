@@ -212,9 +212,9 @@ def test_terminals_without_our_signs_get_plain_ones(encoding: str) -> None:
 
 
 def test_version_and_short_help() -> None:
-    assert command("--version").stdout.startswith("lostmotion ")
-    assert command("-h").stdout == command("--help").stdout
-    assert command("run", "-h").returncode == 0
+    assert here("--version").out.startswith("lostmotion ")
+    assert here("-h").out == here("--help").out
+    assert here("run", "-h").exit_code == 0
 
 
 def test_bad_input_is_one_json_object_for_programs(tmp_path: Path) -> None:

@@ -19,10 +19,17 @@ needs_browser = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not ins
 
 
 @contextmanager
-def opened(url: str) -> Iterator[Enter]:
-    """Yield what opens a page of the station for somebody, by their role, and logs in."""
+def launched() -> Iterator[playwright.Browser]:
     with playwright.sync_playwright() as started:
         browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@contextmanager
+def opened(url: str) -> Iterator[Enter]:
+    """Yield what opens a page of the station for somebody, by their role, and logs in."""
+    with launched() as browser:
 
         def entered(role: str) -> playwright.Page:
             page = browser.new_context(viewport={"width": 1920, "height": 1080}).new_page()
@@ -36,4 +43,3 @@ def opened(url: str) -> Iterator[Enter]:
             return page
 
         yield entered
-        browser.close()

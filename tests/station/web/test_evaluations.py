@@ -18,6 +18,7 @@ from station.records.run_record import RunRecord
 from station.store.table_counts import behind
 from station.store.view import opened
 from station.web.evaluations import Evaluations
+from station.web.server import start_beside
 
 LONGEST_S = 120.0
 
@@ -26,8 +27,9 @@ LONGEST_S = 120.0
 def test_the_process_gives_way_keeps_the_store_up_and_comes_again(quick_run: Any, tmp_path: Path) -> None:
     data, run = tmp_path / "runs", RunRecord(quick_run.record)
     make_runs(data, 5)
-    database = opened(data)
     beside = Evaluations()
+    beside.fork()
+    database = opened(data)
     try:
         beside.start(data)
         until = time.monotonic() + LONGEST_S
@@ -50,3 +52,17 @@ def test_the_process_gives_way_keeps_the_store_up_and_comes_again(quick_run: Any
         database.close()
     with pytest.raises(StationError, match="shutting down"):
         beside.loop_csv(run)
+
+
+def test_what_is_made_beside_the_server_is_in_the_time_zone_of_the_plant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TZ", "UTC")
+    (tmp_path / "station.yaml").write_text("time_zone: Asia/Kolkata\n", encoding="utf-8")
+    try:
+        beside = start_beside(tmp_path)
+        assert beside.figure(time.strftime, "%z") == "+0530"
+        beside.close()
+    finally:
+        monkeypatch.undo()
+        time.tzset()

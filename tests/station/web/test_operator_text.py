@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 import re
+from collections.abc import Iterator
 from types import SimpleNamespace
 
 import pytest
-from browser import CHROMIUM, needs_browser, playwright
+from browser import launched, needs_browser, playwright
 from made_documents import metric
 
 from station.documents.result import Limits, MetricValue, SideValue
@@ -81,9 +82,15 @@ def test_the_table_shows_the_side_that_decides_and_names_it_where_not_both_do(
     assert cells[4] == ("FAIL" if max(plus, minus) > 1 else "PASS")
 
 
+@pytest.fixture(scope="module")
+def browser() -> Iterator[playwright.Browser]:
+    with launched() as found:
+        yield found
+
+
 @needs_browser
 @pytest.mark.parametrize("width", [1024, 1280, 1920])
-def test_no_verdict_is_cut_on_any_screen_in_any_language(width: int) -> None:
+def test_no_verdict_is_cut_on_any_screen_in_any_language(browser: playwright.Browser, width: int) -> None:
     sides = {side: SideValue(value=-113.96, verdict="NOT DECIDABLE") for side in ("+", "-")}
     what = {"unit": "N·m/arcmin", "title": "Torque ratio, offset", "uncertainty": 0.37, "sides": sides}
     one = dataclasses.replace(backlash(0.9, 0.9), limits=Limits(min=-125.0), **what)
@@ -91,10 +98,7 @@ def test_no_verdict_is_cut_on_any_screen_in_any_language(width: int) -> None:
     style = (HERE / "style.css").read_text(encoding="utf-8")
     parts = ('<main class="lm-main">', '<section class="lm-left">', '<div class="lm-why">', "</div></section></main>")
     shown = "".join((f"<style>{style}</style>", *parts[:-1], table, parts[-1]))
-    with playwright.sync_playwright() as started:
-        browser = started.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
-        page = browser.new_page(viewport={"width": width, "height": width * 9 // 16})
-        page.set_content(shown)
-        assert "ENTSCHEIDBAR" in page.inner_text(".lm-why td:last-child >> nth=0")
-        assert page.evaluate("(one => one.scrollWidth <= one.clientWidth)(document.querySelector('.lm-why'))")
-        browser.close()
+    page = browser.new_page(viewport={"width": width, "height": width * 9 // 16})
+    page.set_content(shown)
+    assert "ENTSCHEIDBAR" in page.inner_text(".lm-why td:last-child >> nth=0")
+    assert page.evaluate("(one => one.scrollWidth <= one.clientWidth)(document.querySelector('.lm-why'))")

@@ -23,6 +23,7 @@ EXAMPLES = 6
 
 @pytest.fixture(scope="module")
 def document(shared_station: Station) -> Any:
+    shared_station.evaluations.fork()  # it has loaded most of what evaluates
     app = Guard(rest_of(shared_station, secure=False), ["testserver"], keeper_of(shared_station))
     return openapi.from_asgi("/api/openapi.json", app)
 

@@ -145,6 +145,7 @@ def station(quick_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Iterato
     data = tmp_path_factory.mktemp("reports") / "runs"
     shutil.copytree(quick_run.data, data)
     found = station_in(data)
+    found.evaluations.fork()  # it has loaded most of what evaluates
     yield found
     found.close()
 

@@ -121,7 +121,7 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
     row = {name: getattr(manifest, name) for name in ("serial", "attempt", "state", "verdict")}
     row |= {"run": record.id, "created": None if manifest.chain is None else manifest.chain.counter}
     with writing_to(data_folder(record)) as chain:
-        refuse_second_seal(record, manifest, Chain(data_folder(record)))
+        refuse_second_seal(record, manifest, chain.chain)
         # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
         # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
         record.write_bytes(CONCLUDED, content)

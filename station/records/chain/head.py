@@ -76,7 +76,11 @@ def _signed(path: Path) -> Head | None:
 
 def chain_seen_in(data: Path) -> str | None:
     """Return the id of the chain that this computer last wrote in a data folder; None where it never did."""
-    found = _read(own_place() / FOLDERS / f"{_path_name(data)}.json")
+    return _chain_seen(_path_name(data))
+
+
+def _chain_seen(name: str) -> str | None:
+    found = _read(own_place() / FOLDERS / f"{name}.json")
     return None if found is None else str(found.get("chain"))
 
 
@@ -93,15 +97,16 @@ def counting_keys(data: Path, chain: str) -> tuple[frozenset[str], frozenset[str
     return frozenset(known), frozenset(keys_in(data / FOLDER_KEYS)) - known
 
 
-def keep_head(head: Head, data: Path, key: BenchKey) -> None:
+def keep_head(head: Head, key: BenchKey) -> None:
     """Keep what was seen. A disk that refuses that costs no run: the chain itself is on disk already."""
     row = asdict(head) | {"keys": list(head.keys)}
     whole = row | {"key": key.public, "signature": key.sign(_content(row))}
     with suppress(StationError):
-        write_atomic(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{_path_name(data)}.json", _content(whole))
-        if chain_seen_in(data) != head.chain:
-            place = {"chain": head.chain, "path": str(data.resolve())}
-            write_atomic(own_folder(FOLDERS) / f"{_path_name(data)}.json", _content(place))
+        name = _digest(head.path)
+        write_atomic(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{name}.json", _content(whole))
+        if _chain_seen(name) != head.chain:
+            place = {"chain": head.chain, "path": head.path}
+            write_atomic(own_folder(FOLDERS) / f"{name}.json", _content(place))
 
 
 def _content(row: Plain) -> bytes:
@@ -109,11 +114,15 @@ def _content(row: Plain) -> bytes:
 
 
 def _name(chain: str) -> str:
-    return chain if chain.isalnum() else hashlib.sha256(chain.encode()).hexdigest()[:32]
+    return chain if chain.isalnum() else _digest(chain)
 
 
 def _path_name(data: Path) -> str:
-    return hashlib.sha256(str(data.resolve()).encode()).hexdigest()[:32]
+    return _digest(str(data.resolve()))
+
+
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
 def _read(path: Path) -> Plain | None:

@@ -40,6 +40,7 @@ class ChainWriter:
 
     def __init__(self, data: Path, key: BenchKey) -> None:
         self._data, self._key = data, key
+        self._place = str(data.resolve())
         self.path = data / CHAIN
         self.chain = Chain(data)
         self._trusted = trust_of(self.chain).keys
@@ -145,9 +146,8 @@ class ChainWriter:
 
     def _keep_head(self) -> None:
         assert self.last is not None  # noqa: S101 - as above: it was just written
-        path = str(self._data.resolve())
-        head = Head(self.chain.id, self.last.counter, self.last.sha256, path, self._pinned)
-        keep_head(head, self._data, self._key)
+        head = Head(self.chain.id, self.last.counter, self.last.sha256, self._place, self._pinned)
+        keep_head(head, self._key)
 
     def _settle(self, last: Entry) -> None:
         """Give the run.json of a run its name whose process was killed behind the run's first line."""

@@ -12,6 +12,7 @@ import hashlib
 import json
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from definitions.number_formats import LARGEST_COUNT
@@ -63,7 +64,16 @@ def heads_of(chain: str) -> list[Head]:
 
 
 def _signed(path: Path) -> Head | None:
-    found = _read(path)
+    try:
+        return _head_in(read_file(path, LARGEST_SMALL_FILE))
+    except RecordError:
+        return None
+
+
+@lru_cache(maxsize=64)
+def _head_in(content: bytes) -> Head | None:
+    """Return what was seen of a chain as a file says it, None where it is not signed; kept for who asks again soon."""
+    found = _object_in(content)
     if found is None:
         return None
     signature, key = str(found.pop("signature", "")), str(found.pop("key", ""))
@@ -80,7 +90,10 @@ def chain_seen_in(data: Path) -> str | None:
 
 
 def _chain_seen(name: str) -> str | None:
-    found = _read(own_place() / FOLDERS / f"{name}.json")
+    try:
+        found = _object_in(read_file(own_place() / FOLDERS / f"{name}.json", LARGEST_SMALL_FILE))
+    except RecordError:
+        return None
     return None if found is None else str(found.get("chain"))
 
 
@@ -125,9 +138,9 @@ def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def _read(path: Path) -> Plain | None:
+def _object_in(content: bytes) -> Plain | None:
     try:
-        found = json.loads(read_file(path, LARGEST_SMALL_FILE))
-    except (RecordError, ValueError, RecursionError):
+        found = json.loads(content)
+    except (ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None

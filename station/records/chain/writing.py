@@ -43,9 +43,10 @@ class ChainWriter:
         self._place = str(data.resolve())
         self.path = data / CHAIN
         self.chain = Chain(data)
-        self._trusted = trust_of(self.chain).keys
+        self.trusted = trust_of(self.chain).keys
+        """Keys whose entries count in it."""
         head = head_of(self.chain.id, data)
-        self.last = _last_entry(self.path, self._trusted, head)
+        self.last = _last_entry(self.path, self.trusted, head)
         self.warnings: list[str] = []
         self._pinned: tuple[str, ...] = ()
         if self.last is None:
@@ -75,7 +76,7 @@ class ChainWriter:
         return next((str(one.fields["run"]) for one in newest_first if self._counts(one)), "")
 
     def _counts(self, entry: Entry) -> bool:
-        return entry.key in self._trusted and entry.signed
+        return entry.key in self.trusted and entry.signed
 
     def _counter_behind(self, last: int) -> int:
         if last >= LARGEST_COUNT:

@@ -49,8 +49,9 @@ def own_folder(name: str) -> Path:
     """
     folder = own_place() / name
     try:
-        folder.parent.mkdir(mode=OWN_FOLDER, parents=True, exist_ok=True)
-        folder.mkdir(mode=OWN_FOLDER, exist_ok=True)
+        if not folder.is_dir():
+            folder.parent.mkdir(mode=OWN_FOLDER, parents=True, exist_ok=True)
+            folder.mkdir(mode=OWN_FOLDER, exist_ok=True)
         found = folder.stat()
     except OSError as error:
         raise StationError(

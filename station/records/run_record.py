@@ -24,7 +24,7 @@ from datetime import date
 from pathlib import Path
 from typing import Any
 
-from station.atomic_file import as_json, document_bytes, open_file, refused, write_atomic
+from station.atomic_file import as_json, document_bytes, open_file, read_file, refused, write_atomic
 from station.documents.entries import Plain, plain
 from station.documents.exported import ExportedRun
 from station.documents.manifest import INTERRUPTED, MANIFEST, RECORDING, Manifest, RunningProcess
@@ -96,7 +96,10 @@ class RunRecord:
         """
         if not self.has(LAYOUT) and not self.has(SAMPLES) and not self.has(PACKED):
             return CURRENT
-        return layout_in(self.read_json(LAYOUT), self.folder / LAYOUT)
+        path = self.folder / LAYOUT
+        if read_file(path) == CURRENT.described:
+            return CURRENT  # as most runs are; to take the description apart takes longer than to read it
+        return layout_in(self.read_json(LAYOUT), path)
 
     def manifest(self) -> Manifest:
         """Return run.json, sound in every entry; RecordError when it cannot be read or is damaged."""

@@ -121,7 +121,7 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
     row = {name: getattr(manifest, name) for name in ("serial", "attempt", "state", "verdict")}
     row |= {"run": record.id, "created": None if manifest.chain is None else manifest.chain.counter}
     with writing_to(data_folder(record)) as chain:
-        refuse_second_seal(record, manifest, Chain(data_folder(record)))
+        refuse_second_seal(record, manifest, chain.chain, chain.trusted)
         # The line is what concludes the run. Before it the new run.json is on disk already, under another name, so that
         # a process that is killed behind it leaves the next one nothing to decide: it gives the file its name.
         record.write_bytes(CONCLUDED, content)
@@ -129,11 +129,15 @@ def seal(record: RunRecord, *, samples: PackedSamples | None = None, **changes: 
     _put_in_place(record)
 
 
-def refuse_second_seal(record: RunRecord, manifest: Manifest, chain: Chain) -> None:
+def refuse_second_seal(
+    record: RunRecord, manifest: Manifest, chain: Chain, trusted: frozenset[str] | None = None
+) -> None:
     """Look whether a run may be concluded in this folder; a run is begun once and sealed once, where it was begun.
 
     An unsealed record is protected by nothing. Somebody may have put it into the place of the sealed one, or copied it
     here, and a signature would make it true.
+
+    trusted: public keys whose signatures count; None for those that this computer knows.
 
     Raises:
         RecordError: it may not be; says why, and what to do.
@@ -142,7 +146,8 @@ def refuse_second_seal(record: RunRecord, manifest: Manifest, chain: Chain) -> N
     run, place = manifest.id, record.folder
     if run != record.id:
         raise RecordError(f"{place}: contains run {run}; the folder was copied or renamed. Conclude the run itself")
-    trusted = trust_of(chain).keys if chain.there else frozenset()
+    if trusted is None:
+        trusted = trust_of(chain).keys if chain.there else frozenset()
     if _that_count(chain, run, trusted):
         raise RecordError(f"{place}: {CHAIN} seals this run already, with another {MANIFEST}. {RESTORE}")
     if manifest.chain is None:

@@ -259,12 +259,12 @@ def _evaluate(
 
 def _store(record: RunRecord, result: Result) -> Result:
     """Write result.json and return it as it reads back; RecordError when it does not: it decides nothing."""
-    record.write_json(RESULT, plain(result))
-    path = record.folder / RESULT
+    written, path = plain(result), record.folder / RESULT
+    record.write_json(RESULT, written)
     try:
         stored = document_in(Result, read_from_disk(path), path)
     except RecordError as error:
         raise RecordError(f"{path}: cannot be read back: {error}. Check the disk") from error
-    if plain(stored) != plain(result):
+    if plain(stored) != written:
         raise RecordError(f"{path}: reads back differently from what was written. Check the disk")
     return stored

@@ -5,10 +5,12 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import lru_cache
 from json import JSONDecodeError
 from pathlib import Path
 
-from sqlalchemy import Column, Connection, MetaData, String, Table, insert, inspect, text
+from sqlalchemy import Column, Connection, Dialect, MetaData, String, Table, insert, inspect, text
+from sqlalchemy.engine.mock import MockConnection
 from sqlalchemy.exc import SQLAlchemyError
 
 from station.errors import StationError
@@ -123,10 +125,20 @@ def _version(connection: Connection) -> str | None:
 
 def _make_tables(connection: Connection) -> None:
     """Make the tables of a new store as they are now; a table that is there already is an error, and not taken over."""
-    METADATA.create_all(connection, checkfirst=False)
+    for statement in _new_tables(connection.dialect):
+        connection.exec_driver_sql(statement)
     make_rest(connection)
-    _VERSION.create(connection)
     connection.execute(insert(_VERSION).values(version_num=HEAD))
+
+
+@lru_cache(maxsize=4)
+def _new_tables(dialect: Dialect) -> tuple[str, ...]:
+    """Return the statements that make all tables: put into the words of a database once, not for each new store."""
+    found: list[str] = []
+    words = MockConnection(dialect, lambda said, *_: found.append(str(said.compile(dialect=dialect))))
+    METADATA.create_all(words, checkfirst=False)
+    _VERSION.create(words)
+    return tuple(found)
 
 
 def _refuse_long(connection: Connection, place: StorePlace, version: str) -> None:

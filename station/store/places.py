@@ -10,6 +10,7 @@ import hashlib
 import os
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from station.errors import StationError
@@ -97,18 +98,27 @@ def store_is_there(data: Path) -> bool:
 def network_type(path: Path, mounts: Path = MOUNTS) -> str:
     """Return the type of the network mount that a path lies on; '' for a local disk, or where nobody says it."""
     try:
-        lines = mounts.read_text(encoding="utf-8", errors="replace").splitlines()
+        text = mounts.read_text(encoding="utf-8", errors="replace")
     except OSError:
         return ""
-    there, best, kind = path.resolve(), -1, ""
-    for line in lines:
-        left, _, right = line.partition(" - ")
-        if not right:
-            continue
-        point = Path(left.split()[4].encode().decode("unicode_escape"))
-        if there.is_relative_to(point) and len(point.parts) >= best:  # of two on one point the later one covers
-            best, kind = len(point.parts), right.split()[0]
+    there = path.resolve().parts
+    kind = next((kind for point, kind in _mounted(text) if there[: len(point)] == point), "")
     return kind if kind in NETWORK else ""
+
+
+@lru_cache(maxsize=4)
+def _mounted(text: str) -> list[tuple[tuple[str, ...], str]]:
+    """Return the parts of the path, and the type, of every mount; of two, the one that covers the other stands first.
+
+    On one point the later one covers. Mounts are asked for at every look, and seldom change.
+    """
+    halves = (line.partition(" - ") for line in reversed(text.splitlines()))
+    found = [(_point(left.split()[4]).parts, right.split()[0]) for left, _, right in halves if right]
+    return sorted(found, key=lambda one: len(one[0]), reverse=True)
+
+
+def _point(written: str) -> Path:
+    return Path(written.encode().decode("unicode_escape"))
 
 
 def _checked(url: str) -> str:

@@ -5,6 +5,7 @@ All but `projections` can be made again from the run folders and the note on the
 
 from __future__ import annotations
 
+from functools import cache
 from typing import Any
 
 from sqlalchemy import (
@@ -18,8 +19,10 @@ from sqlalchemy import (
     Integer,
     MetaData,
     Table,
+    TextClause,
     false,
     literal_column,
+    text,
 )
 from sqlalchemy import Text as AnyText
 
@@ -351,3 +354,20 @@ CAUSE_HOURS = _of_a_chain(
 
 OF_A_RUN = (ATTEMPTS, RUNS, METRICS, CHECKS, ALARMS, CALIBRATIONS)
 """Tables with rows of single runs."""
+
+
+@cache
+def putting(table: Table, *, renew: bool = False) -> TextClause:
+    """Return the statement that puts whole rows into a table where none is that has their key.
+
+    renew: one that is there gets the other values of the new one.
+
+    Both databases have the same words for it. SQLAlchemy would find its own anew at each use.
+    """
+    names = [f'"{column.name}"' for column in table.columns]
+    values = [f":{column.name}" for column in table.columns]
+    keys = [f'"{column.name}"' for column in table.primary_key]
+    said = [f"{name} = excluded.{name}" for name in names if name not in keys]
+    then = f"({', '.join(keys)}) DO UPDATE SET {', '.join(said)}" if renew and said else "DO NOTHING"
+    into = f"INSERT INTO {table.name} ({', '.join(names)}) VALUES ({', '.join(values)})"  # noqa: S608 - constants
+    return text(f"{into} ON CONFLICT {then}")

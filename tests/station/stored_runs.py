@@ -104,8 +104,8 @@ def store_run(
     run.write_json("result.json", result)
     if calibration is not None:
         run.write_json("calibration.json", {"id": f"{run.id}-ratio", **calibration})
-    run.update(started=(START + timedelta(days=day)).isoformat(timespec="milliseconds"))
-    seal(run, state=state, verdict=verdict, records=0)
+    started = (START + timedelta(days=day)).isoformat(timespec="milliseconds")
+    seal(run, started=started, state=state, verdict=verdict, records=0)
     return run
 
 

@@ -33,7 +33,7 @@ import hashlib
 import json
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import Any
 
 from definitions.number_formats import LARGEST, LARGEST_COUNT
@@ -162,8 +162,12 @@ def signed_entry(kind: str, counter: int, previous: str, time: str, key: BenchKe
     return Entry(line, row | {"signature": signature})
 
 
+@lru_cache(maxsize=512)
 def entry_of(line: bytes) -> Entry | None:
-    """Return the entry that a line is; None for a line that is none: torn, or of another hand."""
+    """Return the entry that a line is; None for a line that is none: torn, or of another hand.
+
+    Those of the newest lines are kept: whoever writes a line, or looks at a run, asks for the end of the same chain.
+    """
     fields = object_in(line)
     if fields is None:
         return None

@@ -12,6 +12,7 @@ import hashlib
 import json
 from contextlib import suppress
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 from definitions.number_formats import LARGEST_COUNT
@@ -63,7 +64,16 @@ def heads_of(chain: str) -> list[Head]:
 
 
 def _signed(path: Path) -> Head | None:
-    found = _read(path)
+    try:
+        return _head_in(read_file(path, LARGEST_SMALL_FILE))
+    except RecordError:
+        return None
+
+
+@lru_cache(maxsize=64)
+def _head_in(content: bytes) -> Head | None:
+    """Return what was seen of a chain as a file says it, None where it is not signed; kept for who asks again soon."""
+    found = _object_in(content)
     if found is None:
         return None
     signature, key = str(found.pop("signature", "")), str(found.pop("key", ""))
@@ -76,7 +86,14 @@ def _signed(path: Path) -> Head | None:
 
 def chain_seen_in(data: Path) -> str | None:
     """Return the id of the chain that this computer last wrote in a data folder; None where it never did."""
-    found = _read(own_place() / FOLDERS / f"{_path_name(data)}.json")
+    return _chain_seen(_path_name(data))
+
+
+def _chain_seen(name: str) -> str | None:
+    try:
+        found = _object_in(read_file(own_place() / FOLDERS / f"{name}.json", LARGEST_SMALL_FILE))
+    except RecordError:
+        return None
     return None if found is None else str(found.get("chain"))
 
 
@@ -93,15 +110,16 @@ def counting_keys(data: Path, chain: str) -> tuple[frozenset[str], frozenset[str
     return frozenset(known), frozenset(keys_in(data / FOLDER_KEYS)) - known
 
 
-def keep_head(head: Head, data: Path, key: BenchKey) -> None:
+def keep_head(head: Head, key: BenchKey) -> None:
     """Keep what was seen. A disk that refuses that costs no run: the chain itself is on disk already."""
     row = asdict(head) | {"keys": list(head.keys)}
     whole = row | {"key": key.public, "signature": key.sign(_content(row))}
     with suppress(StationError):
-        write_atomic(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{_path_name(data)}.json", _content(whole))
-        if chain_seen_in(data) != head.chain:
-            place = {"chain": head.chain, "path": str(data.resolve())}
-            write_atomic(own_folder(FOLDERS) / f"{_path_name(data)}.json", _content(place))
+        name = _digest(head.path)
+        write_atomic(own_folder(f"{CHAINS}/{_name(head.chain)}") / f"{name}.json", _content(whole))
+        if _chain_seen(name) != head.chain:
+            place = {"chain": head.chain, "path": head.path}
+            write_atomic(own_folder(FOLDERS) / f"{name}.json", _content(place))
 
 
 def _content(row: Plain) -> bytes:
@@ -109,16 +127,20 @@ def _content(row: Plain) -> bytes:
 
 
 def _name(chain: str) -> str:
-    return chain if chain.isalnum() else hashlib.sha256(chain.encode()).hexdigest()[:32]
+    return chain if chain.isalnum() else _digest(chain)
 
 
 def _path_name(data: Path) -> str:
-    return hashlib.sha256(str(data.resolve()).encode()).hexdigest()[:32]
+    return _digest(str(data.resolve()))
 
 
-def _read(path: Path) -> Plain | None:
+def _digest(text: str) -> str:
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+def _object_in(content: bytes) -> Plain | None:
     try:
-        found = json.loads(read_file(path, LARGEST_SMALL_FILE))
-    except (RecordError, ValueError, RecursionError):
+        found = json.loads(content)
+    except (ValueError, RecursionError):
         return None
     return found if isinstance(found, dict) else None

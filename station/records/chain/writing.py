@@ -40,11 +40,13 @@ class ChainWriter:
 
     def __init__(self, data: Path, key: BenchKey) -> None:
         self._data, self._key = data, key
+        self._place = str(data.resolve())
         self.path = data / CHAIN
         self.chain = Chain(data)
-        self._trusted = trust_of(self.chain).keys
+        self.trusted = trust_of(self.chain).keys
+        """Keys whose entries count in it."""
         head = head_of(self.chain.id, data)
-        self.last = _last_entry(self.path, self._trusted, head)
+        self.last = _last_entry(self.path, self.trusted, head)
         self.warnings: list[str] = []
         self._pinned: tuple[str, ...] = ()
         if self.last is None:
@@ -74,7 +76,7 @@ class ChainWriter:
         return next((str(one.fields["run"]) for one in newest_first if self._counts(one)), "")
 
     def _counts(self, entry: Entry) -> bool:
-        return entry.key in self._trusted and entry.signed
+        return entry.key in self.trusted and entry.signed
 
     def _counter_behind(self, last: int) -> int:
         if last >= LARGEST_COUNT:
@@ -145,9 +147,8 @@ class ChainWriter:
 
     def _keep_head(self) -> None:
         assert self.last is not None  # noqa: S101 - as above: it was just written
-        path = str(self._data.resolve())
-        head = Head(self.chain.id, self.last.counter, self.last.sha256, path, self._pinned)
-        keep_head(head, self._data, self._key)
+        head = Head(self.chain.id, self.last.counter, self.last.sha256, self._place, self._pinned)
+        keep_head(head, self._key)
 
     def _settle(self, last: Entry) -> None:
         """Give the run.json of a run its name whose process was killed behind the run's first line."""

@@ -14,12 +14,10 @@ from itertools import product
 from typing import NamedTuple
 
 from sqlalchemy import ColumnElement, Connection, select
-from sqlalchemy.dialects.postgresql import insert as postgresql_insert
-from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from analysis.metrics.former_wordings import wordings
 from station.store.engine import StoreError
-from station.store.tables import MEANINGS, METRICS
+from station.store.tables import MEANINGS, METRICS, putting
 
 AT_ONCE = 500
 """Meanings that one statement names."""
@@ -87,9 +85,8 @@ def put_meanings(connection: Connection, chain: str, meanings: Iterable[Meaning]
     wanted = {number_of(one): one for one in meanings}
     if not wanted:
         return
-    into = sqlite_insert if connection.dialect.name == "sqlite" else postgresql_insert
     rows = [{"chain": chain, "meaning": number, **one._asdict()} for number, one in wanted.items()]
-    connection.execute(into(MEANINGS).on_conflict_do_nothing(), rows)
+    connection.execute(putting(MEANINGS), rows)
     numbers = list(wanted)
     for begin in range(0, len(numbers), AT_ONCE):
         there = meanings_named(connection, chain, numbers[begin : begin + AT_ONCE])

@@ -10,6 +10,7 @@ forty times the rows of a join, and the figures of a plant take half as long aga
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import cache
 
 from sqlalchemy import Connection, text
 
@@ -70,6 +71,13 @@ def tell_sizes(connection: Connection) -> None:
         return
     connection.execute(text("ANALYZE projections"))  # the least of the tables: it makes the table of sizes
     connection.execute(text("DELETE FROM sqlite_stat1"))
+    connection.execute(text("INSERT INTO sqlite_stat1 (tbl, idx, stat) VALUES (:table, :index, :sizes)"), _told())
+    connection.execute(text("ANALYZE sqlite_schema"))
+
+
+@cache
+def _told() -> list[dict[str, str]]:
+    """Return the sizes of every table and index: the same for each new store."""
     rows = []
     for table in METADATA.sorted_tables:
         keys = {table.name: [column.name for column in table.primary_key]}
@@ -77,8 +85,7 @@ def tell_sizes(connection: Connection) -> None:
         for name, columns in keys.items():
             number = ROWS.get(name, ROWS.get(table.name, MANY))
             rows.append({"table": table.name, "index": name, "sizes": _sizes(number, columns)})
-    connection.execute(text("INSERT INTO sqlite_stat1 (tbl, idx, stat) VALUES (:table, :index, :sizes)"), rows)
-    connection.execute(text("ANALYZE sqlite_schema"))
+    return rows
 
 
 def _sizes(rows: int, columns: list[str]) -> str:

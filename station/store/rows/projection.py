@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict
 
-from sqlalchemy import Connection, delete, insert, select
+from sqlalchemy import Connection, delete, insert, select, text
 from sqlalchemy.exc import DataError, IntegrityError
 
 from station.atomic_file import seen_text
@@ -46,6 +46,10 @@ REFUSED = (DataError, IntegrityError, OverflowError, UnicodeError)
 OUTPUT_TORQUE = "output torque"
 MEASURED, CONVERTED = "output torque as measured", "output torque converted from the input's"
 """Where the output torque of a run comes from, as its stage says."""
+
+_OF_CHAIN = (f"SELECT 1 FROM {name} WHERE chain = :chain" for name in tables.METADATA.tables)  # noqa: S608 - constants
+ANY_ROW = text(" UNION ALL ".join(_OF_CHAIN))
+"""Asks whether a chain has a row in any table."""
 
 
 def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:
@@ -139,7 +143,7 @@ def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Row
 def put_rows(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
     """Put the rows of runs in the place of those that these runs have."""
     before = shared_by(connection, chain, list(found))
-    hours, serials = _removed(connection, chain.id, list(found))
+    hours, serials = _removed(connection, chain.id, list(found), before)
     together: Rows = {}
     for rows in found.values():
         for table, content in rows.items():
@@ -166,13 +170,15 @@ def put_rows(connection: Connection, chain: Chain, found: Mapping[str, Rows]) ->
 def remove_rows(connection: Connection, chain: Chain, runs: Sequence[str]) -> None:
     """Remove the rows of runs, and what no other run shares with them."""
     before = shared_by(connection, chain, runs)
-    hours, serials = _removed(connection, chain.id, runs)
+    hours, serials = _removed(connection, chain.id, runs, before)
     drop_unnamed(connection, chain, before, {}, lambda run: rows_of(run, chain))
     _bring_up_plant(connection, chain.id, hours, serials)
 
 
 def remove_chain(connection: Connection, chain: str) -> None:
     """Remove all rows of a chain."""
+    if connection.execute(ANY_ROW, {"chain": chain}).first() is None:
+        return  # a statement for each table takes longer than to put in a few runs
     for table in tables.METADATA.sorted_tables:
         connection.execute(delete(table).where(table.c.chain == chain))
 
@@ -181,16 +187,23 @@ def _bring_up_plant(connection: Connection, chain: str, hours: Collection[str], 
     count_hours(connection, chain, note_attempts(connection, chain, serials).union(hours))
 
 
-def _removed(connection: Connection, chain: str, runs: Sequence[str]) -> tuple[set[str], set[str]]:
-    """Remove the rows of runs; return the hours that must be counted anew, and the serial numbers looked at."""
+def _removed(
+    connection: Connection, chain: str, runs: Sequence[str], begun: Mapping[str, Row]
+) -> tuple[set[str], set[str]]:
+    """Remove the rows of runs; return the hours that must be counted anew, and the serial numbers looked at.
+
+    begun: those of them that have a row as an attempt.
+    """
     hours, serials = set[str](), set[str]()
     of_run = tables.RUNS.c
     for begin in range(0, len(runs), MOST_AT_ONCE):
         some = runs[begin : begin + MOST_AT_ONCE]
         there = select(of_run.hour, of_run.serial).where(of_run.chain == chain, of_run.run.in_(some))
-        for hour, serial in connection.execute(there):
-            hours.add(hour)
-            serials.add(serial)
+        concluded = connection.execute(there).all()
+        hours.update(hour for hour, _ in concluded)
+        serials.update(serial for _, serial in concluded)
+        if not concluded and begun.keys().isdisjoint(some):
+            continue  # they are new: all other rows of a run come with one of these two
         for table in tables.OF_A_RUN:
             connection.execute(delete(table).where(table.c.chain == chain, table.c.run.in_(some)))
     return hours, serials

@@ -13,8 +13,6 @@ from functools import lru_cache
 from typing import Any, NamedTuple
 
 from sqlalchemy import Column, ColumnElement, Connection, Table, delete, select
-from sqlalchemy.dialects.postgresql import insert as postgresql_insert
-from sqlalchemy.dialects.sqlite import insert as sqlite_insert
 
 from definitions.number_formats import LARGEST_COUNT
 from recipes.text.problems import RecipeError
@@ -22,7 +20,7 @@ from recipes.text.yaml_source import parse_source, read_bytes
 from station.documents.manifest import Manifest
 from station.records.chain.chain_file import Chain
 from station.records.run_record import BENCH_COPY, RECIPE_COPY, RunRecord
-from station.store.tables import ATTEMPTS, BENCHES, RECIPES, RUNS, UNITS, Row, Rows
+from station.store.tables import ATTEMPTS, BENCHES, RECIPES, RUNS, UNITS, Row, Rows, putting
 
 REFERENCES: Mapping[Table, tuple[Column[Any], Column[Any]]] = {
     RECIPES: (RECIPES.c.sha256, ATTEMPTS.c.recipe_sha256),
@@ -74,11 +72,8 @@ def put_shared(connection: Connection, table: Table, content: Iterable[Row]) -> 
     """Put shared rows where they are not there yet; one that an older version took from an altered run.json goes."""
     keys = [column.name for column in table.primary_key]
     rows = {tuple(row[key] for key in keys): row for row in content}
-    into = (sqlite_insert if connection.dialect.name == "sqlite" else postgresql_insert)(table)
-    said = {column.name: into.excluded[column.name] for column in table.columns if not column.primary_key}
     if rows:
-        put = into.on_conflict_do_update(index_elements=keys, set_=said) if said else into.on_conflict_do_nothing()
-        connection.execute(put, list(rows.values()))
+        connection.execute(putting(table, renew=True), list(rows.values()))
 
 
 def shared_by(connection: Connection, chain: Chain, runs: Sequence[str]) -> dict[str, Row]:

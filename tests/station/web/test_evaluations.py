@@ -17,8 +17,9 @@ from station.records.chain.chain_file import Chain
 from station.records.run_record import RunRecord
 from station.store.table_counts import behind
 from station.store.view import opened
+from station.web import server
 from station.web.evaluations import Evaluations
-from station.web.server import start_beside
+from station.web.server import Served, serve, start_beside
 
 LONGEST_S = 120.0
 
@@ -66,3 +67,19 @@ def test_what_is_made_beside_the_server_is_in_the_time_zone_of_the_plant(
     finally:
         monkeypatch.undo()
         time.tzset()
+
+
+def test_the_heap_is_set_before_the_threads_that_look_after_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = []
+
+    def begin(_data: Path) -> Evaluations:
+        order.append("threads")
+        raise StationError
+
+    monkeypatch.setattr(server, "keep_heap_small", lambda: order.append("heap"))
+    monkeypatch.setattr(server, "start_beside", begin)
+    with pytest.raises(StationError):
+        serve(Served(tmp_path, "127.0.0.1", 0))
+    assert order == ["heap", "threads"], "a thread that was there before has a heap of its own for good"

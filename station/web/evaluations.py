@@ -67,9 +67,10 @@ class Evaluations:
 
         Only while this one has no thread and nothing open: a lock that it holds, the fork would hold for good.
         """
-        with self._one_at_a_time:
-            self._pool = _pool("fork")
-            self._pool.submit(os.getpid)  # it starts with its first job
+        with self._one_at_a_time, suppress(OSError):  # where the system refuses it, it is started when it is needed
+            pool = _pool("fork")
+            pool.submit(os.getpid)  # it starts with its first job
+            self._pool = pool
 
     def report(self, run: RunRecord) -> tuple[bytes, bytes]:
         """Return the report of a run as HTML and as PDF; StationError as `report_of`."""

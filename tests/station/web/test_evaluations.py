@@ -8,6 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -83,3 +84,12 @@ def test_the_heap_is_set_before_the_threads_that_look_after_the_process(
     with pytest.raises(StationError):
         serve(Served(tmp_path, "127.0.0.1", 0))
     assert order == ["heap", "threads"], "a thread that was there before has a heap of its own for good"
+
+
+def test_a_fork_that_the_system_refuses_keeps_no_server_from_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = Evaluations()
+    with monkeypatch.context() as system:
+        system.setattr(os, "fork", Mock(side_effect=BlockingIOError))
+        beside.fork()
+    assert beside.figure(os.getpid) != os.getpid(), "it is started when it is needed"
+    beside.close()

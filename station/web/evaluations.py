@@ -10,6 +10,7 @@ there and not in the server: the functions that do it load it.
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
 import time
 from collections import OrderedDict
@@ -171,6 +172,7 @@ def _pool(way: str) -> ProcessPoolExecutor:
 
 def _begin(server: int) -> None:
     """Give way to everybody, and end with the server, also where that was killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which has what was begun finished
     os.nice(GIVES_WAY_BY)
 
     def watch() -> None:

@@ -93,3 +93,12 @@ def test_a_fork_that_the_system_refuses_keeps_no_server_from_its_start(monkeypat
         beside.fork()
     assert beside.figure(os.getpid) != os.getpid(), "it is started when it is needed"
     beside.close()
+
+
+def test_ctrl_c_at_the_terminal_is_for_the_server_and_not_for_the_process_beside_it() -> None:
+    beside = Evaluations()
+    beside.fork()
+    process = beside.figure(os.getpid)
+    os.kill(process, signal.SIGINT)
+    assert beside.figure(os.getpid) == process
+    beside.close()

@@ -98,7 +98,7 @@ def store_is_there(data: Path) -> bool:
 def network_type(path: Path, mounts: Path = MOUNTS) -> str:
     """Return the type of the network mount that a path lies on; '' for a local disk, or where nobody says it."""
     try:
-        text = mounts.read_text(encoding="utf-8", errors="replace")
+        text = os.fsdecode(mounts.read_bytes())
     except OSError:
         return ""
     there = path.resolve().parts
@@ -118,7 +118,8 @@ def _mounted(text: str) -> list[tuple[tuple[str, ...], str]]:
 
 
 def _point(written: str) -> Path:
-    return Path(written.encode().decode("unicode_escape"))
+    # Escaped are blanks and the like alone: all other bytes of a name stand as they are.
+    return Path(os.fsdecode(os.fsencode(written).decode("unicode_escape").encode("latin-1")))
 
 
 def _checked(url: str) -> str:

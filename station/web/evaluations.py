@@ -10,6 +10,7 @@ there and not in the server: the functions that do it load it.
 from __future__ import annotations
 
 import os
+import signal
 import tempfile
 import time
 from collections import OrderedDict
@@ -67,9 +68,10 @@ class Evaluations:
 
         Only while this one has no thread and nothing open: a lock that it holds, the fork would hold for good.
         """
-        with self._one_at_a_time:
-            self._pool = _pool("fork")
-            self._pool.submit(os.getpid)  # it starts with its first job
+        with self._one_at_a_time, suppress(OSError):  # where the system refuses it, it is started when it is needed
+            pool = _pool("fork")
+            pool.submit(os.getpid)  # it starts with its first job
+            self._pool = pool
 
     def report(self, run: RunRecord) -> tuple[bytes, bytes]:
         """Return the report of a run as HTML and as PDF; StationError as `report_of`."""
@@ -170,6 +172,7 @@ def _pool(way: str) -> ProcessPoolExecutor:
 
 def _begin(server: int) -> None:
     """Give way to everybody, and end with the server, also where that was killed."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server, which has what was begun finished
     os.nice(GIVES_WAY_BY)
 
     def watch() -> None:

@@ -162,8 +162,8 @@ def serve(served: Served) -> None:
         StationError, RecipeError: as `open_station`; the port is taken.
 
     """
+    keep_heap_small()  # before the first thread: the process that evaluates is looked after by two
     evaluations = start_beside(served.data)  # before anything is opened: it would hold it too
-    keep_heap_small()
     keep_connections()
     try:
         station, password = open_station(served, evaluations)

@@ -48,8 +48,8 @@ MEASURED, CONVERTED = "output torque as measured", "output torque converted from
 """Where the output torque of a run comes from, as its stage says."""
 
 _OF_CHAIN = (f"SELECT 1 FROM {name} WHERE chain = :chain" for name in tables.METADATA.tables)  # noqa: S608 - constants
-ANY_ROW = text(" UNION ALL ".join(_OF_CHAIN))
-"""Asks whether a chain has a row in any table."""
+ANY_ROW = text(f"{' UNION ALL '.join(_OF_CHAIN)} LIMIT 1")
+"""Asks whether a chain has a row in any table; PostgreSQL sends all that is asked for before the first can be read."""
 
 
 def rows_of(run: RunRecord, chain: Chain, *, samples: bool = False) -> Rows:

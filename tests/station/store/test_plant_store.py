@@ -26,6 +26,7 @@ from station.store.plant.meanings import meanings_of, put_meanings
 from station.store.plant.months import DIVIDED, make_months
 from station.store.quality.counts import GROUPINGS
 from station.store.quality.lot import Lot, Production, production
+from station.store.rows.projection import ANY_ROW
 from station.store.run_search import search
 from station.store.stored_runs import Wanted
 from station.store.table_counts import all_rows
@@ -121,6 +122,14 @@ def _figures(look: Production, lot: Lot) -> tuple[list[Any], list[float]]:
             numbers += [one.mean, one.sd_within, one.sd_between, one.p_same]
             numbers += [number for group in one.groups for number in (group.mean, group.sd or 0.0)]
     return counts, numbers
+
+
+def test_whether_a_chain_has_rows_is_told_by_one_of_them(plant: Path) -> None:
+    database, chain = opened(plant), Chain(plant)
+    with database.reading() as connection:
+        assert len(connection.execute(ANY_ROW, {"chain": chain.id}).all()) == 1
+        assert not connection.execute(ANY_ROW, {"chain": "of nobody"}).all()
+    database.close()
 
 
 WITHIN_AN_HOUR = MIDDAY.replace(":00:00", ":17:00")

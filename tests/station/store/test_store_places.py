@@ -16,6 +16,7 @@ MOUNT_LINES = """\
 30 22 0:40 / /mnt/line rw,relatime shared:1 - nfs4 server:/x rw
 31 22 0:41 / /mnt/my\\040line rw - cifs //server/x rw
 32 30 8:2 / /mnt/line/local rw - xfs /dev/vdb rw
+33 22 0:42 / /mnt/Prüfstand\\0402 rw - nfs4 server:/y rw
 """
 
 
@@ -27,11 +28,12 @@ MOUNT_LINES = """\
         ("/mnt/my line/runs", "cifs"),
         ("/mnt/line/local/x", ""),
         ("/mnt/lines", ""),
+        ("/mnt/Prüfstand 2/runs", "nfs4"),
     ],
 )
 def test_a_network_mount_is_known_by_its_type(tmp_path: Path, path: str, kind: str) -> None:
     mounts = tmp_path / "mounts"
-    mounts.write_text(MOUNT_LINES)
+    mounts.write_text(MOUNT_LINES, encoding="utf-8")
     assert network_type(Path(path), mounts) == kind
 
 

@@ -8,6 +8,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
+from unittest.mock import Mock
 
 import pytest
 
@@ -17,8 +18,9 @@ from station.records.chain.chain_file import Chain
 from station.records.run_record import RunRecord
 from station.store.table_counts import behind
 from station.store.view import opened
+from station.web import server
 from station.web.evaluations import Evaluations
-from station.web.server import start_beside
+from station.web.server import Served, serve, start_beside
 
 LONGEST_S = 120.0
 
@@ -66,3 +68,37 @@ def test_what_is_made_beside_the_server_is_in_the_time_zone_of_the_plant(
     finally:
         monkeypatch.undo()
         time.tzset()
+
+
+def test_the_heap_is_set_before_the_threads_that_look_after_the_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    order = []
+
+    def begin(_data: Path) -> Evaluations:
+        order.append("threads")
+        raise StationError
+
+    monkeypatch.setattr(server, "keep_heap_small", lambda: order.append("heap"))
+    monkeypatch.setattr(server, "start_beside", begin)
+    with pytest.raises(StationError):
+        serve(Served(tmp_path, "127.0.0.1", 0))
+    assert order == ["heap", "threads"], "a thread that was there before has a heap of its own for good"
+
+
+def test_a_fork_that_the_system_refuses_keeps_no_server_from_its_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    beside = Evaluations()
+    with monkeypatch.context() as system:
+        system.setattr(os, "fork", Mock(side_effect=BlockingIOError))
+        beside.fork()
+    assert beside.figure(os.getpid) != os.getpid(), "it is started when it is needed"
+    beside.close()
+
+
+def test_ctrl_c_at_the_terminal_is_for_the_server_and_not_for_the_process_beside_it() -> None:
+    beside = Evaluations()
+    beside.fork()
+    process = beside.figure(os.getpid)
+    os.kill(process, signal.SIGINT)
+    assert beside.figure(os.getpid) == process
+    beside.close()

@@ -71,12 +71,12 @@ def tell_sizes(connection: Connection) -> None:
         return
     connection.execute(text("ANALYZE projections"))  # the least of the tables: it makes the table of sizes
     connection.execute(text("DELETE FROM sqlite_stat1"))
-    connection.execute(text("INSERT INTO sqlite_stat1 (tbl, idx, stat) VALUES (:table, :index, :sizes)"), _told())
+    connection.execute(text("INSERT INTO sqlite_stat1 (tbl, idx, stat) VALUES (:table, :index, :sizes)"), _size_rows())
     connection.execute(text("ANALYZE sqlite_schema"))
 
 
 @cache
-def _told() -> list[dict[str, str]]:
+def _size_rows() -> list[dict[str, str]]:
     """Return the sizes of every table and index: the same for each new store."""
     rows = []
     for table in METADATA.sorted_tables:

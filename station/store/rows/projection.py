@@ -143,7 +143,7 @@ def put_runs_apart(connection: Connection, chain: Chain, found: Mapping[str, Row
 def put_rows(connection: Connection, chain: Chain, found: Mapping[str, Rows]) -> None:
     """Put the rows of runs in the place of those that these runs have."""
     before = shared_by(connection, chain, list(found))
-    hours, serials = _removed(connection, chain.id, list(found), before)
+    hours, serials = _removed(connection, chain.id, list(found))
     together: Rows = {}
     for rows in found.values():
         for table, content in rows.items():
@@ -170,7 +170,7 @@ def put_rows(connection: Connection, chain: Chain, found: Mapping[str, Rows]) ->
 def remove_rows(connection: Connection, chain: Chain, runs: Sequence[str]) -> None:
     """Remove the rows of runs, and what no other run shares with them."""
     before = shared_by(connection, chain, runs)
-    hours, serials = _removed(connection, chain.id, runs, before)
+    hours, serials = _removed(connection, chain.id, runs)
     drop_unnamed(connection, chain, before, {}, lambda run: rows_of(run, chain))
     _bring_up_plant(connection, chain.id, hours, serials)
 
@@ -187,23 +187,16 @@ def _bring_up_plant(connection: Connection, chain: str, hours: Collection[str], 
     count_hours(connection, chain, note_attempts(connection, chain, serials).union(hours))
 
 
-def _removed(
-    connection: Connection, chain: str, runs: Sequence[str], begun: Mapping[str, Row]
-) -> tuple[set[str], set[str]]:
-    """Remove the rows of runs; return the hours that must be counted anew, and the serial numbers looked at.
-
-    begun: those of them that have a row as an attempt.
-    """
+def _removed(connection: Connection, chain: str, runs: Sequence[str]) -> tuple[set[str], set[str]]:
+    """Remove the rows of runs; return the hours that must be counted anew, and the serial numbers looked at."""
     hours, serials = set[str](), set[str]()
     of_run = tables.RUNS.c
     for begin in range(0, len(runs), MOST_AT_ONCE):
         some = runs[begin : begin + MOST_AT_ONCE]
         there = select(of_run.hour, of_run.serial).where(of_run.chain == chain, of_run.run.in_(some))
-        concluded = connection.execute(there).all()
-        hours.update(hour for hour, _ in concluded)
-        serials.update(serial for _, serial in concluded)
-        if not concluded and begun.keys().isdisjoint(some):
-            continue  # they are new: all other rows of a run come with one of these two
+        for hour, serial in connection.execute(there):
+            hours.add(hour)
+            serials.add(serial)
         for table in tables.OF_A_RUN:
             connection.execute(delete(table).where(table.c.chain == chain, table.c.run.in_(some)))
     return hours, serials

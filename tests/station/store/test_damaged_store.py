@@ -66,6 +66,15 @@ def test_a_damaged_row_of_the_chain_is_told_and_made_again(plain: Path, said: st
     assert here("store", "state", "--data", str(plain)).exit_code == 0
 
 
+def test_rows_that_are_left_of_runs_whose_others_are_gone_are_made_again(plain: Path) -> None:
+    before = rows_in(plain)
+    with sqlite3.connect(plain / FILE) as there:
+        for table in ("runs", "attempts", "projections"):
+            there.execute(f"DELETE FROM {table}")  # noqa: S608 - of this test
+    there.close()
+    assert rows_in(plain) == before
+
+
 @pytest.mark.parametrize("damage", ["bytes", "cut", "table"])
 def test_a_damaged_store_of_its_own_is_set_aside_and_made_again(plain: Path, damage: str) -> None:
     before = rows_in(plain)

@@ -25,9 +25,11 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import to_do_with_part
+from station.records.process_birth import process_birth
 from station.records.run_record import RECORDING, RESULT, RunRecord
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations, is_sealed
+from station.reports.headline import badges, manifest_badges
 from station.run.next_run import NextRun
 from station.run.screen.live import LiveReader, LiveView
 
@@ -57,7 +59,7 @@ class Now:
     attempt: which one it is and what became of those before, '' of the first. refused: why a start became no run.
     loop: torque [N·m] and wind-up [arcmin]. altered: why the record of the run that has ended is not to be believed.
     to_do: what is done with the unit after this verdict: what the recipe says, or a master part needs; '' of neither.
-    stopping: whether it was asked for a stop.
+    stopping: whether it was asked for a stop. badges: why it says nothing of a real unit, as that it is simulated.
     record: the newest record of the scan, empty where none was read here; program: by which it was made.
     """
 
@@ -73,8 +75,19 @@ class Now:
     refused: str = ""
     to_do: str = ""
     stopping: bool = False
+    badges: tuple[str, ...] = ()
     record: bytes = b""
     program: Program | None = None
+
+    @property
+    def verdict(self) -> str | None:
+        """The verdict of the run that has ended; none of a record that is not to be believed."""
+        return None if self.result is None or self.altered else self.result.verdict
+
+    @property
+    def reasons(self) -> tuple[str, ...]:
+        """The reasons of the verdict; none where there is none to be believed."""
+        return () if self.result is None or self.altered else self.result.reasons
 
 
 @dataclass
@@ -96,6 +109,8 @@ class Running:
     def __init__(self, data: Path) -> None:
         self._data = data
         self._process: subprocess.Popen[bytes] | None = None
+        self._born = ""
+        """When it was started: a run of before may have had the same process id."""
         self._serial = ""
         self._watched: _Watched | None = None
         self._ended: Now | None = None
@@ -126,6 +141,7 @@ class Running:
                 self._process = self._newest = self._next.start(words, stdout=said, stderr=said)
         except OSError as error:
             raise StationError(f"the run cannot be started: {error.strerror}") from error
+        self._born = process_birth(self._process.pid)
         self._serial, self._refused, self._watched, self._ended = serial, "", None, None
         self._looked = -math.inf
 
@@ -214,7 +230,8 @@ class Running:
         for record in reversed(newest):
             try:
                 manifest = record.manifest()
-                ours = self._process is not None and manifest.desk.pid == self._process.pid
+                desk = manifest.desk
+                ours = self._process is not None and (desk.pid, desk.birth) == (self._process.pid, self._born)
                 is_on = manifest.state == RECORDING and not record.deserted()
                 last = self._process is None and self._ended is None and not self._refused and record is newest[-1]
                 if ours or is_on or last:
@@ -233,6 +250,7 @@ class Running:
             record.id,
             _attempt(manifest),
             f"{manifest.recipe.name} r{manifest.recipe.revision}",
+            badges=manifest_badges(manifest),
         )
         _read_on(watched)
         stopping, program = record.id == self._stopping, watched.reader.program if watched.reader else None
@@ -243,6 +261,8 @@ class Running:
         altered = tuple(alterations(record)) if is_sealed(manifest) else ("the run was not concluded",)
         to_do = "" if found is None else _to_do(watched, found, manifest.unit.master)
         over = replace(said, stage=ENDED, loop=tuple(watched.loop), result=found, altered=altered, to_do=to_do)
+        if found is not None and not altered:
+            over = replace(over, badges=badges(found))
         return self._is_over(over)
 
     def _is_over(self, ended: Now) -> Now:

@@ -25,7 +25,7 @@ from station.web.labels.outbox import Awaited, awaited, is_label
 from station.web.languages import LANGUAGES, Words, messages
 from station.web.pages.frame import HERE, act, bar, leave_page, session_of_page, words_for
 from station.web.pages.live import GrowingLoop, Looks
-from station.web.pages.operator_text import named, shown_of, why_text
+from station.web.pages.operator_text import badge_line, named, shown_of, why_text
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import VERDICTS, attempts_said, local, refusal_said
 from station.web.people.accounts import Session, session_of
@@ -215,7 +215,7 @@ class _Page:
         self._tile.set_content(
             f'{shown.shape}<div class="lm-word">{escape(self._words(shown.word))}</div>'
             f'<div class="lm-serial">{escape(about)}</div>'
-            f"{self._confirmed()}"
+            f"{badge_line(now, self._words)}{self._confirmed()}"
             f'<div class="lm-do">{escape(self._words(state or to_do))}</div>'
         )
         self._why.set_content(why_text(now, self._words))

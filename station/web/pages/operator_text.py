@@ -49,6 +49,12 @@ def shown_of(now: Now) -> Shown:
     return VERDICTS[now.result.verdict]
 
 
+def badge_line(now: Now, say: Words) -> str:
+    """Return what stands on the tile of a run that says nothing of a real unit, as that it is simulated; else ''."""
+    said = " ".join(f'<span class="lm-badge">{escape(say(one))}</span>' for one in now.badges)
+    return f"<div>{said}</div>" if said else ""
+
+
 def why_text(now: Now, say: Words) -> str:
     """Return what stands below the tile: why a start was refused, the reasons of a verdict, the metrics."""
     if now.refused:

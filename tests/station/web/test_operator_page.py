@@ -109,6 +109,7 @@ def test_one_scan_without_a_click_comes_to_a_verdict(page: playwright.Page) -> N
     assert tile.locator("svg circle").count() == 1, "told by its shape too"
     assert tile.evaluate("one => getComputedStyle(one).backgroundColor") == "rgb(29, 122, 60)"
     assert "SN-1" in tile.inner_text()
+    assert tile.locator(".lm-badge").inner_text() == "VIRTUAL BENCH", "no real unit passed"
     assert page.locator("table.lm tr").count() >= 1
 
 

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from lostmotion_command import here
 from served import LONGEST_S, Served, prepared, served, served_by
+from station_support import client_of
+from stored_runs import metric, store_run
 
-from station.records.run_record import RunRecord
+from station.records.run_record import RESULT, RunRecord
 from station.run.next_run import SUPERVISOR
+from station.web import running
+from station.web.running import ENDED, STARTING, Running
+from station.web.station import Station
 
 pytestmark = pytest.mark.wires
 
@@ -94,3 +101,38 @@ def test_a_killed_server_takes_nothing_with_it_and_a_bad_unit_is_put_away(tmp_pa
     wait_until(lambda: not command_of(waiting), "it ends with the server")
     assert here("verify", "--data", str(data)).exit_code == 0
     assert here("audit", "verify", "--data", str(data)).exit_code == 0
+
+
+def test_a_run_of_before_with_the_same_process_id_is_not_the_one_that_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = store_run(tmp_path, "SN-1", [metric(0.5)])
+    assert before.manifest().desk.pid == os.getpid()
+    bench = Running(tmp_path)
+    started = SimpleNamespace(pid=os.getpid(), poll=lambda: None)
+    monkeypatch.setattr(bench._next, "start", lambda *_, **__: started)
+    monkeypatch.setattr(running, "process_birth", lambda _: "when the computer had started again")
+    bench.start([], "SN-2")
+    found = bench.now()
+    assert (found.stage, found.serial, found.verdict) == (STARTING, "SN-2", None), "and no PASS of the unit before it"
+    assert bench.busy()
+
+
+def test_a_record_that_was_altered_has_no_verdict_over_rest(station: Station) -> None:
+    run = store_run(station.data, "SN-1", [metric(0.5)], failed="lost_motion: 9.9 is above the limit")
+    (run.folder / RESULT).write_text((run.folder / RESULT).read_text("utf-8").replace("FAIL", "PASS"), encoding="utf-8")
+    now = client_of(station, "operator").http.get("/api/now").json()
+    assert (now["stage"], now["run"], now["verdict"], now["reasons"]) == (ENDED, run.id, None, [])
+    assert RESULT in now["altered"][0]
+
+
+@pytest.mark.parametrize(
+    ("what", "badges"),
+    [({}, []), ({"virtual": "P1"}, ["VIRTUAL BENCH"]), ({"scenario": "cut"}, ["FAULTS INJECTED"])],
+)
+def test_what_is_no_measurement_of_a_real_unit_says_so_beside_its_verdict(
+    station: Station, what: dict[str, str], badges: list[str]
+) -> None:
+    store_run(station.data, "SN-1", [metric(0.5)], **what)
+    now = client_of(station, "operator").http.get("/api/now").json()
+    assert (now["verdict"], now["badges"]) == ("PASS", badges)

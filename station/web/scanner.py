@@ -1,7 +1,8 @@
 """What a scanner sends, as a serial number: plain text, or GS1 element strings with the serial number in AI 21.
 
 A GS1 code says what it is by the symbology identifier in front of it (ISO/IEC 15424), or by brackets about its
-application identifiers. An element of variable length ends with the separator GS (GS1 General Specifications, 7.8).
+application identifiers. An element of variable length ends with the separator GS (GS1 General Specifications, 7.8). The
+identifier of any other symbology only says how the code was printed, and is no part of the serial number.
 """
 
 from __future__ import annotations
@@ -30,6 +31,11 @@ SERIAL = "21"
 NOK = "NOK"
 """What is scanned from the box for bad units once a bad unit is in it, in capitals or not."""
 
+AROUND = "\r\n\t \x00"
+"""What may stand around a code and is no part of it."""
+
+TWO_CODES = "has the code of more than one unit: the scanner sent two codes as one. Scan the unit again"
+
 BRACKETS = re.compile(r"\((\d{2,4})\)([^()]*)")
 
 
@@ -41,18 +47,26 @@ def serial_of(scanned: str) -> str:
     """Return the serial number in what was scanned; carriage return, line feed, tabs and blanks around it do not count.
 
     Raises:
-        ScanError: it is empty, too long, has characters that no scanner sends, is a GS1 code without serial number, or
-            is the code of a label or a certificate.
+        ScanError: it is empty, too long, has characters that no scanner sends, is a GS1 code without serial number or
+            with several, has a second code behind the first, or is the code of a label or a certificate.
 
     """
-    text = scanned.strip("\r\n\t \x00")
-    if text.startswith(SYMBOLOGIES):
-        return _of_elements(text[3:])
+    text = scanned.strip(AROUND)
+    if (found := IDENTIFIER.match(text)) is not None:
+        text = text[found.end() :]
+        if found[0] in SYMBOLOGIES:
+            return _of_elements(text)
+        text = text.strip(AROUND)
+        if found[0] in text:
+            raise ScanError(f"{text[:60]!r}: {TWO_CODES}")
     if BRACKETS.match(text):
-        found = dict(BRACKETS.findall(text))
-        if "".join(f"({name}){value}" for name, value in BRACKETS.findall(text)) != text or not found.get(SERIAL):
+        elements = BRACKETS.findall(text)
+        serials = [value for name, value in elements if name == SERIAL]
+        if len(serials) > 1:
+            raise ScanError(f"{text[:60]!r}: {TWO_CODES}")
+        if "".join(f"({name}){value}" for name, value in elements) != text or not any(serials):
             raise ScanError(f"{text[:60]!r}: is a GS1 text without a serial number (21). Scan the code of the unit")
-        return _checked(found[SERIAL])
+        return _checked(serials[0])
     return _checked(text)
 
 
@@ -89,6 +103,8 @@ def _of_elements(text: str) -> str:
                 f"({name}){value[:40]!r}: is not the whole element; a separator may be lost. Check the scanner's "
                 "setting for GS (FNC1), and scan again"
             )
+        if name == SERIAL and serial is not None:
+            raise ScanError(f"({name}){value[:40]!r}: {TWO_CODES}")
         serial = value if name == SERIAL else serial
     if serial is None:
         raise ScanError("this GS1 code has no serial number (21). Scan the code of the unit")

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from recipes import load_document
 from recipes.text.section import refusal
+from station.web.scanner import without_identifier
 
 FILE = "station.yaml"
 
@@ -80,7 +81,8 @@ class Settings(BaseModel):
 
     def is_badge(self, scanned: str) -> bool:
         """Say whether what was scanned is a badge number by its syntax."""
-        return self.badge is not None and re.fullmatch(self.badge, scanned) is not None
+        read = (scanned, without_identifier(scanned))
+        return self.badge is not None and any(re.fullmatch(self.badge, one) is not None for one in read)
 
 
 def load_settings(data: Path) -> Settings:

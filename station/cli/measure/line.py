@@ -33,7 +33,7 @@ from station.web.models import ModelsFile, load_models
 from station.web.people.accounts import session_here
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
-from station.web.scanner import NOK, SYMBOLOGIES, ScanError, serial_of
+from station.web.scanner import IDENTIFIER, NOK, ScanError, is_nok, serial_of, without_identifier
 from station.web.scanner_test import is_test_code
 from station.web.settings import load_settings
 from station.web.station import Station
@@ -105,9 +105,9 @@ class Line:
         elif self._needs_reason:
             unit, self._needs_reason = self._needs_reason, ""
             self._again(unit, text)
-        elif text.upper() == NOK:
+        elif is_nok(text):
             self._put_away()
-        elif text.upper() == LABEL:
+        elif without_identifier(text).upper() == LABEL:
             self._print_again()
         elif self._is_test_code(scanned):
             if self._done("test_scanner", {"scanned": scanned}):
@@ -171,12 +171,14 @@ class Line:
 
         Another unit may be on the bench by now, and would be measured as the one before.
         """
-        if scanned.upper() in {NOK, LABEL} or self._is_test_code(scanned) or self._is_label(scanned):
+        if without_identifier(scanned).upper() in {NOK, LABEL}:
+            return True
+        if self._is_test_code(scanned) or self._is_label(scanned):
             return True
         try:
             found = serial_of(scanned)
         except ScanError:
-            return names_a_run(scanned) or scanned.startswith(SYMBOLOGIES)
+            return names_a_run(scanned) or IDENTIFIER.match(scanned) is not None
         digits = any(one.isdigit() for one in found)
         return found == serial or (" " not in found and digits and self._station.models.of(found) is not None)
 

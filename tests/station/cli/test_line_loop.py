@@ -101,7 +101,7 @@ def test_a_loop_that_begins_anew_asks_for_a_bad_unit_that_is_not_put_away(desk: 
     again.line.begin()
     assert "is bad" in again.said[0]
     assert again.scan("SN-3").startswith("REFUSED")
-    again.scan(NOK)
+    again.scan(f"]C0{NOK}")
     third = Desk(desk.data, ["PASS"])
     third.line.begin()
     assert third.said == [DO["PASS"]], "it is in the box, whoever asks"
@@ -198,7 +198,7 @@ def test_a_retest_needs_a_reason_and_an_empty_line_leaves_it(desk: Desk) -> None
     assert desk.ran[1][desk.ran[1].index("--retest-reason") + 1] == "the coupling was loose"
 
 
-@pytest.mark.parametrize("scanned", ["SN-1", "SN-2", "BAD-7", "]d221SN-2", "NOK", "nok"])
+@pytest.mark.parametrize("scanned", ["SN-1", "SN-2", "BAD-7", "]d221SN-2", "]C0SN-2", "NOK", "nok", "]C0NOK"])
 def test_a_code_is_no_reason_for_a_retest(desk: Desk, scanned: str) -> None:
     """The unit was scanned twice, or another one is on the bench by now: it would be measured as the one before."""
     desk.scan("SN-1", "SN-1")

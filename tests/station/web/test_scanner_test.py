@@ -32,6 +32,7 @@ def test_the_table_of_a_layout_is_whole() -> None:
     [
         (CODE, None),
         (f"\r{CODE}\t\n", None),
+        (f"]C0{CODE}", None),
         (CODE.translate(AS_GERMAN), LAYOUT),
         (CODE.translate(AS_GERMAN).replace("´", "\ufffd").replace("`", "\ufffd"), LAYOUT),
         (CODE.translate(AS_GERMAN).replace("´", "").replace("`", ""), LAYOUT),
@@ -92,3 +93,9 @@ def test_wrong_settings_are_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "station.yaml").write_text(text)
     with pytest.raises(RecipeError):
         load_settings(tmp_path)
+
+
+def test_a_badge_is_known_with_the_identifier_of_its_symbology_too() -> None:
+    settings = Settings(badge="B-[0-9]{6}")
+    assert all(settings.is_badge(one) for one in ("B-100042", "]C0B-100042"))
+    assert not any(settings.is_badge(one) for one in ("SN-1", "]C0SN-1"))

@@ -314,6 +314,9 @@ def test_the_last_bad_unit_has_to_be_put_away(tmp_path: Path, verdict: str, *, b
         (f"]d221SN-1{GS}10LOT7", "SN-1"),
         (f"]d2{'11261123'}21SN-1", "SN-1"),
         ("(01)09501101530003(21)SN-1", "SN-1"),
+        ("]C0SN-1", "SN-1"),
+        ("]d1 SN-1\r", "SN-1"),
+        ("]Q1(01)09501101530003(21)SN-1", "SN-1"),
     ],
 )
 def test_a_scan_is_its_serial_number(scanned: str, serial: str) -> None:
@@ -323,10 +326,20 @@ def test_a_scan_is_its_serial_number(scanned: str, serial: str) -> None:
 @pytest.mark.parametrize(
     "scanned",
     ["", " \r\n", "ä", "SN\x071", "x" * 129, "]C10109501101530003", "]d2010950110153000310LOT721SN-1", "]d299X",
-     "(01)09501101530003", "(21)", "]d201095011", "(21)SN-1)", f"]d221SN-1 {GS}10LOT7"],
+     "(01)09501101530003", "(21)", "]d201095011", "(21)SN-1)", f"]d221SN-1 {GS}10LOT7", "]C0", "]C0 "],
 )  # fmt: skip
 def test_what_is_no_serial_number_is_refused(scanned: str) -> None:
     with pytest.raises(ScanError):
+        serial_of(scanned)
+
+
+@pytest.mark.parametrize(
+    "scanned",
+    [f"]d221SN-1{GS}21SN-2", f"]d221SN-1{GS}21SN-1", "(21)SN-1(21)SN-2",
+     "(01)09501101530003(21)SN-1(01)09501101530003(21)", "]C0SN-1]C0SN-2"],
+)  # fmt: skip
+def test_two_codes_that_arrive_as_one_are_neither_unit(scanned: str) -> None:
+    with pytest.raises(ScanError, match="two codes as one"):
         serial_of(scanned)
 
 

@@ -78,8 +78,20 @@ def check_name(name: str) -> str:
 
 
 def study_names(data: Path) -> list[str]:
-    """Return the studies of a data folder by name."""
-    return sorted(path.name.removesuffix(ENDING) for path in (data / FOLDER).glob(f"*{ENDING}"))
+    """Return the studies of a data folder by name; a file without a plan is that of none.
+
+    Its beginning was cut off, as where the disk was full, and whoever asks for all studies still gets the others.
+    """
+    names = sorted(path.name.removesuffix(ENDING) for path in (data / FOLDER).glob(f"*{ENDING}"))
+    return [name for name in names if NAME.fullmatch(name) and _is_begun(_path(data, name))]
+
+
+def _is_begun(path: Path) -> bool:
+    """Say whether a file has a plan, or something else in its place: that is told by whoever reads the study."""
+    try:
+        return bool(_entries(path))
+    except (StudyError, RecordError):
+        return True
 
 
 def read_study(data: Path, name: str) -> Study:
@@ -106,7 +118,7 @@ def study_problems(data: Path, trusted: frozenset[str]) -> list[str]:
     One without a line says nothing: whoever began it was killed before its plan was written.
     """
     found = []
-    for name in filter(NAME.fullmatch, study_names(data)):
+    for name in study_names(data):
         try:
             entries = _entries(_path(data, name))
             if entries:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -162,8 +163,10 @@ def _metrics(asked: Asked, job: Job) -> tuple[StudyMetric, ...]:
                 f"Write the tolerance into the recipe, '- {{id: {name.split()[0]}, tolerance: …}}', or give it with "
                 "--tolerance"
             )
-        if tolerance is not None and not tolerance > 0.0:
+        if tolerance is not None and not 0.0 < tolerance < math.inf:
             raise StationError(f"--tolerance: found {tolerance:g}; allowed is upper limit minus lower limit, above 0")
+        if reference is not None and not math.isfinite(reference):
+            raise StationError(f"--reference: found {reference:g}; allowed is the value of the part, a number")
         found.append(StudyMetric(id=name, reference=reference, tolerance=tolerance))
     return tuple(found)
 

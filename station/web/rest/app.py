@@ -250,10 +250,15 @@ async def _body_of(request: Request) -> bytes:
 def _values_in(body: bytes) -> JsonValue:
     """Return what a body says; one that is no JSON is passed on as its text, which no action takes."""
     try:
-        found: JsonValue = json.loads(body) if body.strip() else None
+        found: JsonValue = json.loads(body, parse_constant=_no_number) if body.strip() else None
     except (ValueError, RecursionError):
         return "no JSON: " + body[:40].decode(errors="replace")
     return found
+
+
+def _no_number(name: str) -> JsonValue:
+    """Refuse NaN and Infinity, which are no JSON."""
+    raise ValueError(name)
 
 
 def _me(found: Session) -> Response:

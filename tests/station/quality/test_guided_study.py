@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from station.documents.study import GAGE, TYPE_ONE, StudyCell, StudyMetric, Stud
 from station.errors import StationError
 from station.quality.guided.plan import Asked, plan_of
 from station.quality.guided.progress import look, settle
-from station.records.studies import Study, StudyError, begin_study, read_study
+from station.records.studies import Study, StudyError, begin_study, read_study, study_names
 from station.records.verify import verify_folder
 from station.store.quality.lot import Lot, production
 from virtual_bench.errors import VirtualBenchError
@@ -79,6 +80,10 @@ def data(tmp_path: Path) -> Path:
         (replace(GAGE_ASKED, tolerances=(-1.0,)), "--tolerance: found -1"),
         (replace(TYPE_ONE_ASKED, parts=("M", "N")), "--part: found 2 units; a type 1 study measures exactly one"),
         (replace(TYPE_ONE_ASKED, trials=24), "--trials: found 24; a type 1 study has 25 measurements"),
+        (replace(GAGE_ASKED, tolerances=(math.inf,)), "--tolerance: found inf"),
+        (replace(GAGE_ASKED, tolerances=(math.nan,)), "--tolerance: found nan"),
+        (replace(TYPE_ONE_ASKED, references=(math.nan,)), "--reference: found nan; allowed is the value of the part"),
+        (replace(TYPE_ONE_ASKED, references=(-math.inf,)), "--reference: found -inf"),
         (replace(TYPE_ONE_ASKED, references=()), "--reference: found 0 values for 1 metric;"),
         (replace(TYPE_ONE_ASKED, tolerances=()), "has one limit or none, so its tolerance is not known"),
         (replace(TYPE_ONE_ASKED, recipe="nowhere.yaml"), "nowhere.yaml"),
@@ -219,6 +224,19 @@ def test_a_torn_line_is_none_and_the_next_one_stands_behind_it(data: Path) -> No
     run = measured(data, study, 1)
     settle(data, "g", "Q")
     assert read_study(data, "g").taken[1].run == run
+
+
+@pytest.mark.parametrize("left", [b"", b'{"kind": "study beg'])
+def test_a_study_whose_beginning_was_cut_off_keeps_no_other_from_being_listed(data: Path, left: bytes) -> None:
+    begin_study(data, "whole", plan(GAGE, ("A", "B"), ("x", "y"), 2), "Anna")
+    (data / "studies" / "cut.jsonl").write_bytes(left)
+    (data / "studies" / "a copy of whole.jsonl").write_bytes(b"of another hand\n")
+    assert study_names(data) == ["whole"]
+    shown = here("quality", "study", "status", "--data", str(data))
+    assert "0 of 8" in shown.out
+    assert verify_folder(data).problems == []
+    begin_study(data, "cut", plan(GAGE, ("A", "B"), ("x", "y"), 2), "Anna")
+    assert study_names(data) == ["cut", "whole"], "it is begun anew"
 
 
 def test_the_same_name_is_begun_once(data: Path) -> None:

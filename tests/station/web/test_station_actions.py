@@ -140,7 +140,7 @@ def test_what_is_sent_must_be_what_the_action_needs(shared_station: Station) -> 
     for values in ({}, {"scanned": 4}, {"scanned": "SN-1", "serial": "SN-1"}, {"scanned": "x" * 513}):
         assert found.post("start_run", values).status_code == 422
     headers = {"X-CSRF-Token": found.csrf}
-    for number, body in enumerate((b"{", b'{"scanned": "SN-\\ud800"}', b'"text"', b"[" * 100_000, b"\xff")):
+    for number, body in enumerate((b"{", b'{"scanned": "SN-\\ud800"}', b'"text"', b"[" * 100_000, b"\xff", b"NaN")):
         odd = found.http.post(
             "/api/actions/start_run", content=body, headers=headers | {"Idempotency-Key": f"o{number}"}
         )

@@ -13,7 +13,6 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator
 
 from recipes import load_document
 from recipes.text.section import refusal
-from station.web.scanner import without_identifier
 
 FILE = "station.yaml"
 
@@ -81,8 +80,7 @@ class Settings(BaseModel):
 
     def is_badge(self, scanned: str) -> bool:
         """Say whether what was scanned is a badge number by its syntax."""
-        read = (scanned, without_identifier(scanned))
-        return self.badge is not None and any(re.fullmatch(self.badge, one) is not None for one in read)
+        return self.badge is not None and re.fullmatch(self.badge, scanned) is not None
 
 
 def load_settings(data: Path) -> Settings:

@@ -93,9 +93,3 @@ def test_wrong_settings_are_refused(tmp_path: Path, text: str) -> None:
     (tmp_path / "station.yaml").write_text(text)
     with pytest.raises(RecipeError):
         load_settings(tmp_path)
-
-
-def test_a_badge_is_known_with_the_identifier_of_its_symbology_too() -> None:
-    settings = Settings(badge="B-[0-9]{6}")
-    assert all(settings.is_badge(one) for one in ("B-100042", "]C0B-100042"))
-    assert not any(settings.is_badge(one) for one in ("SN-1", "]C0SN-1"))

@@ -48,6 +48,7 @@ class EndedOtherwise(NamedTuple):
 class Shift:
     """A shift: verdicts of its production runs, yields, master parts, runs that ended otherwise, and the audit trail.
 
+    Runs of virtual units, and those that only simulated their bench, are no production: `virtual` has them alone.
     first_pass: of units measured for the first time. final: of all units, each by its newest run. ended_otherwise:
     run and state of those that were stopped, interrupted or ended with a fault. refused: refused starts by the ids of
     their reasons.
@@ -59,6 +60,7 @@ class Shift:
     first_pass: Yield
     final: Yield
     master_parts: dict[str, int]
+    virtual: dict[str, int]
     ended_otherwise: tuple[EndedOtherwise, ...]
     alarms: dict[str, int]
     bypasses: tuple[str, ...]
@@ -70,6 +72,7 @@ class Shift:
         lines = [f"Shift    {self.begin} to {self.end}", f"Runs     {_counts(self.verdicts)}"]
         lines += [f"Yield    first pass {self.first_pass}", f"         final      {self.final}"]
         lines += [f"Master parts  {_counts(self.master_parts)}"]
+        lines += [f"Virtual bench  {_counts(self.virtual)}"] if self.virtual else []
         lines += [f"Ended with '{state}'  {run}" for run, state in self.ended_otherwise]
         lines += [f"Alarms   {_counts(self.alarms)}"]
         lines += [f"Bypass   {one}" for one in self.bypasses]
@@ -86,8 +89,9 @@ def shift_of(
     rows: runs from `begin` on, oldest first. alarms: of them, as `alarms_of`. Both moments in UTC as runs have them.
     """
     runs = [row.run for row in rows if row.run.scenario is None and begin <= str(row.run.started) < end]
+    real = [run for run in runs if not _is_virtual(run)]
     # An altered run is none of the production either, and stays here with no verdict: somebody has to look at it.
-    production = [run for run in runs if not run.master and (run.in_production or run.altered)]
+    production = [run for run in real if not run.master and (run.in_production or run.altered)]
     first = [run for run in production if run.first]
     final = {run.serial: run for run in production}
     said = connection.execute(select(AUDIT).where(AUDIT.c.at < end).order_by(AUDIT.c.number))
@@ -98,7 +102,8 @@ def shift_of(
         verdicts=_by_verdict(production),
         first_pass=_yield(first),
         final=_yield(list(final.values())),
-        master_parts=_by_verdict([run for run in runs if run.master]),
+        master_parts=_by_verdict([run for run in real if run.master]),
+        virtual=_by_verdict([run for run in runs if _is_virtual(run)]),
         ended_otherwise=tuple(EndedOtherwise(run.run, run.state) for run in runs if run.state != "complete"),
         bypasses=tuple(
             f"{row.at} {row.name}: {told['condition']}, {told['hours']:g} h: {told['reason']}"
@@ -118,17 +123,23 @@ def shift_of(
     )
 
 
+def _is_virtual(run: StoredRun) -> bool:
+    """Say whether a run says nothing of a real unit; of an altered one its own word for that does not count."""
+    return bool(run.virtual) and not run.altered
+
+
 def _reaches(at: str, hours: float, begin: str) -> bool:
     """Say whether a bypass that was added before the shift may still have counted in it."""
     return datetime.fromisoformat(at) + timedelta(hours=hours) > datetime.fromisoformat(begin)
 
 
 def alarms_of(data: Path, rows: Sequence[RunTableRow], end: str) -> dict[str, int]:
-    """Return how often each alarm came in these runs, without those of fault injection."""
+    """Return how often each alarm came in these runs, without those of fault injection and of the virtual bench."""
     counts: Counter[str] = Counter()
     for row in rows:
         run = RunRecord(data / row.run.run)
-        if row.run.scenario is not None or str(row.run.started) >= end or not run.has(RESULT):
+        aside = row.run.scenario is not None or _is_virtual(row.run)
+        if aside or str(row.run.started) >= end or not run.has(RESULT):
             continue
         try:
             counts.update(one.id for one in run.read(Result, RESULT).alarms if one.kind == "alarm")

@@ -113,6 +113,7 @@ def audit_shift(
 ) -> None:
     """Report a shift: runs, first-pass and final yield, bypasses, refused starts, and the head of the audit trail."""
     from station.cli.runs.run_table import moment_of
+    from station.errors import StationError
     from station.store.run_table import run_table
     from station.store.stored_runs import Wanted
     from station.store.view import look_at
@@ -120,6 +121,9 @@ def audit_shift(
     from station.web.shift_report import alarms_of, shift_of
 
     begin, end = moment_of(since), now_text() if until is None else moment_of(until, "--until")
+    if begin >= end:
+        ends = "now" if until is None else f"at {until!r} (--until)"
+        raise StationError(f"--since: found {since!r}, and the shift ends {ends}; allowed is a moment before its end")
     database = _database_of(data)
     with look_at(data) as view:
         rows = run_table(view, Wanted(since=begin))

@@ -12,7 +12,7 @@ from fastapi.responses import JSONResponse
 
 from station.errors import StationError
 from station.records.certificate_code import LONGEST_CODE, CodeError, attempts_of, check_code
-from station.records.data_folder import Store
+from station.records.data_folder import LONGEST_SERIAL, Store
 from station.records.run_record import RESULT, RunRecord
 from station.reports.content import LOOP_CSV
 from station.reports.stored_result import refuse_doubtful
@@ -28,7 +28,7 @@ from station.web.evaluations import Evaluations
 from station.web.rest.answers import CookieToken, Refuse, answers, refused_with
 from station.web.station import Station
 
-LONGEST_TEXT = 100
+LONGEST_TEXT = LONGEST_SERIAL
 CSV = "text/csv; charset=utf-8"
 MOST_IN_TABLE = 20_000
 """Runs in a table that the server makes beside its work; the command has no such limit."""

@@ -28,7 +28,7 @@ def stored(**entries: Any) -> StoredRun:
     return StoredRun(**dict.fromkeys(StoredRun._fields, "") | {"in_production": True} | entries)
 
 
-def row(serial: str, attempt: int, verdict: str | None, hour: int, **more: str | None) -> RunTableRow:
+def row(serial: str, attempt: int, verdict: str | None, hour: int, **more: str | bool | None) -> RunTableRow:
     started = f"2026-01-05T{hour:02}:00:00.000+00:00"
     known = {"run": f"R{hour}", "started": started, "state": "complete", "scenario": None}
     return RunTableRow(
@@ -72,11 +72,35 @@ def test_a_product_in_the_store_is_production_and_a_master_part_is_none(station:
     assert found.first_pass == found.final == Yield(1, 1)
 
 
+def test_what_was_simulated_stands_apart_and_makes_no_bad_unit_a_good_one(station: Station) -> None:
+    rows = [
+        row("SN-1", 1, "FAIL", 7),
+        row("SN-1", 2, "PASS", 8, virtual=True),
+        row("SN-2", 1, "PASS", 9, virtual=True),
+        row("MASTER", 1, "PASS", 10, master="PASS", virtual=True),
+        row("SN-3", 1, None, 11, virtual=True, altered="result.json: was changed"),
+    ]
+    with station.database.reading() as connection:
+        found = shift_of(rows, {}, connection, BEGIN, END)
+    assert (found.first_pass, found.final) == (Yield(0, 2), Yield(0, 2))
+    assert found.verdicts == {"FAIL": 1, "no verdict": 1}, "an altered record may say of itself what it likes"
+    assert (found.virtual, found.master_parts) == ({"PASS": 3}, {})
+    assert "Virtual bench  3 PASS" in found.as_text()
+
+
+def test_a_shift_that_ends_before_it_begins_is_refused(station: Station) -> None:
+    asked = ("audit", "shift", "--data", str(station.data), "--since")
+    for days in (("2026-01-05", "--until", "2026-01-04"), ("2026-01-05", "--until", "2026-01-05"), ("2999-01-01",)):
+        found = here(*asked, *days)
+        assert (found.exit_code, "allowed is a moment before its end" in found.err) == (2, True)
+
+
 def test_a_shift_without_runs_has_no_yield(station: Station) -> None:
     with station.database.reading() as connection:
         found = shift_of([], {}, connection, BEGIN, END)
     assert found.first_pass == Yield(0, 0)
     assert "%" not in found.as_text()
+    assert "Virtual" not in found.as_text()
 
 
 def test_bypasses_refused_starts_and_the_head_stand_on_it(station: Station) -> None:

@@ -329,8 +329,10 @@ def test_a_scan_is_its_serial_number(scanned: str, serial: str) -> None:
      "(01)09501101530003", "(21)", "]d201095011", "(21)SN-1)", f"]d221SN-1 {GS}10LOT7", "]C0", "]C0 "],
 )  # fmt: skip
 def test_what_is_no_serial_number_is_refused(scanned: str) -> None:
-    with pytest.raises(ScanError):
+    with pytest.raises(ScanError) as refused:
         serial_of(scanned)
+    for language in ("de", "zh"):
+        assert words_of(language)(str(refused.value)) != str(refused.value), "and said so in each language"
 
 
 @pytest.mark.parametrize(
@@ -339,8 +341,9 @@ def test_what_is_no_serial_number_is_refused(scanned: str) -> None:
      "(01)09501101530003(21)SN-1(01)09501101530003(21)", "]C0SN-1]C0SN-2"],
 )  # fmt: skip
 def test_two_codes_that_arrive_as_one_are_neither_unit(scanned: str) -> None:
-    with pytest.raises(ScanError, match="two codes as one"):
+    with pytest.raises(ScanError, match="two codes as one") as refused:
         serial_of(scanned)
+    assert "zwei Codes als einen" in words_of("de")(str(refused.value))
 
 
 @given(

@@ -14,6 +14,8 @@ from station_support import FIRST, HOST, PASSWORD, client_of
 
 from recipes import RecipeError
 from station.errors import StationError
+from station.records.data_folder import LONGEST_SERIAL
+from station.records.studies import study_names
 from station.web.actions.table import ACTIONS
 from station.web.people import audit
 from station.web.people.accounts import COOKIE, ROLES
@@ -156,6 +158,23 @@ def test_what_is_sent_must_be_what_the_action_needs(shared_station: Station) -> 
         assert found.http.get(f"/api/runs/{name}").status_code == 404
     assert found.http.get("/api/runs/..%2F..%2Fetc").status_code == 404
     assert found.http.get("/api/runs/none").status_code == 404
+
+
+def test_a_study_of_units_that_no_single_recipe_measures_is_refused_before_it_is_begun(shared_station: Station) -> None:
+    found = client_of(shared_station, "technician")
+    asked = {"study": "mixed", "kind": "gage", "operators": ["the operator", "the technician"]}
+    asked |= {"metrics": ["torque_ratio_slope"], "trials": 2}
+    for parts, name, named in ((["SN-1", "BAD-1"], "parts", "BAD-1"), (["SN-1", "XX-1"], "model_known", "XX-1")):
+        answer = found.post("begin_study", asked | {"parts": parts})
+        (refused,) = answer.json()["refused"]
+        assert (answer.status_code, refused["id"], named in refused["text"]) == (409, name, True)
+    assert study_names(shared_station.data) == []
+
+
+def test_a_serial_number_of_any_length_can_be_looked_for(shared_station: Station) -> None:
+    found = client_of(shared_station, "mes").http
+    asked = [found.get("/api/runs", params={"unit": "x" * length}).status_code for length in (LONGEST_SERIAL, 129)]
+    assert asked == [200, 422]
 
 
 def test_the_trail_is_for_those_who_look_after_it(shared_station: Station) -> None:

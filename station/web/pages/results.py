@@ -36,6 +36,9 @@ from station.web.station import Station
 ROWS = 50
 """Runs on one page of the table."""
 
+MOST_FIRST = 10**9
+"""No folder has as many runs; a larger number in an address is none that a database can count to."""
+
 COLUMNS: tuple[Column, ...] = (
     {
         "field": "verdict",
@@ -74,7 +77,7 @@ def add_results(station: Station) -> None:
     ) -> Response | None:
         if (session := await session_of_page(station, request)) is None:
             return RedirectResponse("/enter")
-        asked = Asked(serial, model, recipe, verdict, operator, since, until, max(0, first))
+        asked = Asked(serial, model, recipe, verdict, operator, since, until, min(max(0, first), MOST_FIRST))
         await _Results(station, session, words_for(station, session, request), asked).build()
         return None
 
@@ -194,7 +197,13 @@ class _Results:
             self._said.set_text(str(error))
             self._runs_behind = 1  # a store that is being brought up is there in a moment: it is looked again
             return
-        if number == self._searches:  # else something else is looked for by now
+        if number != self._searches:
+            return  # something else is looked for by now
+        if not page.rows and 0 < page.total <= self._first:  # an address of when there were more
+            self._first = (page.total - 1) // ROWS * ROWS
+            self._searches -= 1  # it goes on
+            await self._look()
+        else:
             self._show(page)
 
     def _keep_in_address(self) -> None:

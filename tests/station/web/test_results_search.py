@@ -48,3 +48,12 @@ def test_a_search_survives_back_and_the_bar(station: Served, enter: Enter) -> No
     page.click("nav >> text=Results")
     page.wait_for_selector(".ag-row >> nth=3")
     assert page.input_value(FIELD) == "", "on the page itself the bar leads to all runs"
+
+
+@pytest.mark.parametrize("first", ["5000", "1" + 30 * "0", "-1"])
+def test_an_address_behind_the_last_run_leads_to_the_last_ones(station: Served, enter: Enter, first: str) -> None:
+    page = enter("quality")
+    page.goto(f"{station.url}/results?first={first}")
+    page.wait_for_selector(".ag-row >> nth=3")
+    assert "1 to 4 of 4 runs" in page.inner_text(".lm-pager")
+    page.context.close()

@@ -233,14 +233,18 @@ class Sender:
 
 
 def _due(database: StationDatabase, now_s: float) -> list[tuple[int, str, str, int]]:
-    """Return number, key, body and tries of the oldest message of each serial number that is due."""
+    """Return number, key, body and tries of the oldest message of each serial number that is due.
+
+    None waits for more than the longest wait: a clock that was set back meanwhile holds no message up.
+    """
+    due = (WEBHOOKS.c.next_s <= now_s) | (WEBHOOKS.c.next_s > now_s + LONGEST_WAIT_S)
     with database.reading() as connection:
         oldest = (
             select(func.min(WEBHOOKS.c.number)).where(WEBHOOKS.c.delivered_at.is_(None)).group_by(WEBHOOKS.c.serial)
         )
         wanted = (
             select(WEBHOOKS.c.number, WEBHOOKS.c.key, WEBHOOKS.c.body, WEBHOOKS.c.tries)
-            .where(WEBHOOKS.c.number.in_(oldest) & (WEBHOOKS.c.next_s <= now_s))
+            .where(WEBHOOKS.c.number.in_(oldest) & due)
             .order_by(WEBHOOKS.c.number)
         )
         return [(row.number, row.key, row.body, row.tries) for row in connection.execute(wanted)]

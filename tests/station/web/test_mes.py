@@ -215,6 +215,19 @@ def test_the_wait_grows_to_a_minute(plant: Station) -> None:
     assert waits == pytest.approx([1, 2, 4, 8, 16, 32, 60, 60, 60], abs=0.9)
 
 
+@pytest.mark.parametrize(("wait_s", "tries"), [(30.0, 0), (59.0, 0), (-1.0, 1), (3600.0, 1), (86400.0, 1)])
+def test_a_clock_that_was_set_back_holds_no_message_up(plant: Station, wait_s: float, tries: int) -> None:
+    begun = Sender(plant.database, plant.data, settings())
+    (plant.data / CHAIN).write_bytes(entry("R1", "SN-1", 1))
+    assert collect(plant.database, plant.data) == 1
+    with plant.database.writing() as connection:
+        connection.execute(update(WEBHOOKS).values(next_s=time.time() + wait_s))
+    with httpx.Client() as http:
+        begun.look(http)
+    with plant.database.reading() as connection:
+        assert connection.execute(select(WEBHOOKS.c.tries)).scalar_one() == tries
+
+
 def test_a_chain_that_became_shorter_is_said_and_nothing_is_told(plant: Station) -> None:
     (plant.data / CHAIN).write_bytes(entry("A", "SN-1", 1))
     Sender(plant.database, plant.data, plant.mes)

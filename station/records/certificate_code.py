@@ -7,12 +7,13 @@ from __future__ import annotations
 
 import hashlib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from station.atomic_file import document_bytes, open_file, refused
-from station.documents.manifest import MANIFEST, Manifest, attempt_text
+from station.documents.manifest import MANIFEST, EarlierAttempt, Manifest, attempt_text
 from station.errors import StationError
+from station.records.attempts import aside_of
 from station.records.chain.chain_file import Chain
 from station.records.chain.entries import SEALED, Entry
 from station.records.chain.walk import trust_of
@@ -42,6 +43,8 @@ class CheckedCode:
     """What a code is: genuine, altered or unknown, in words. What a certificate has to say is that of `manifest`.
 
     manifest: of the run where its record is here. entry: serial number, attempt and verdict as the chain has them.
+    aside: why its verdict is not that of a real unit, None where it is, or where no record says so. since: what became
+    of the unit when it was measured again, oldest first: the verdict of this run is not its newest then.
     """
 
     standing: str
@@ -51,6 +54,8 @@ class CheckedCode:
     attempt: int | None = None
     verdict: str | None = None
     manifest: Manifest | None = None
+    aside: str | None = None
+    since: tuple[EarlierAttempt, ...] = ()
 
 
 def code_of(run: RunRecord) -> str:
@@ -80,6 +85,16 @@ def check_code(data: Path, text: str) -> CheckedCode:
         RecordError: the chain or the record cannot be read.
 
     """
+    known = _checked(data, text)
+    if known.attempt is None:
+        return known
+    since = tuple(one for one in Store(data).attempts_of(known.serial) if one.attempt > known.attempt)
+    aside = None if known.manifest is None else aside_of(known.manifest)
+    return replace(known, aside=aside, since=since)
+
+
+def _checked(data: Path, text: str) -> CheckedCode:
+    """Return what a code is, without what the verdict of its run is worth by now; raises as `check_code`."""
     found = _CODE.fullmatch(text.strip()) if len(text) <= LONGEST_CODE else None
     if found is None:
         raise CodeError(

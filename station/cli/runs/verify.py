@@ -66,7 +66,10 @@ def _tell_store(data: Path, found: Verified, *, samples: bool) -> None:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedCertificate:
-    """What `verify --code` prints: genuine, altered or unknown, why, and what the certificate has to say."""
+    """What `verify --code` prints: genuine, altered or unknown, why, and what the certificate has to say.
+
+    aside: why the verdict is not that of a real unit. since: what became of the unit when it was measured again.
+    """
 
     certificate: str
     text: str
@@ -75,6 +78,8 @@ class CheckedCertificate:
     attempt: int | None
     attempts: str
     verdict: str | None
+    aside: str | None
+    since: tuple[str, ...]
 
 
 def verify_code(data: Path, code: str, *, as_json: bool) -> int:
@@ -88,13 +93,15 @@ def verify_code(data: Path, code: str, *, as_json: bool) -> int:
     if as_json:
         whole = CheckedCertificate(
             certificate=found.standing, text=found.text, run=found.run, serial=found.serial, attempt=found.attempt,
-            attempts=attempts_of(found), verdict=found.verdict,
+            attempts=attempts_of(found), verdict=found.verdict, aside=found.aside,
+            since=tuple(str(one) for one in found.since),
         )  # fmt: skip
         sys.stdout.write(json.dumps(plain(whole), ensure_ascii=False) + "\n")
     else:
         told = [f"{found.standing.upper()}  {found.text}", f"run      {found.run}"]
         told += [f"serial   {found.serial}, {attempts_of(found)}"] if found.serial else []
-        told += [f"verdict  {found.verdict}"] if found.verdict else []
+        told += [f"verdict  {found.verdict}{f', {found.aside}' if found.aside else ''}"] if found.verdict else []
+        told += [f"since    {one}" for one in found.since]
         sys.stdout.write("\n".join(told) + "\n")
     return 0 if found.standing == GENUINE else EXIT_PROBLEMS
 

@@ -87,7 +87,8 @@ def _html(found: CheckedCode, say: Words) -> str:
     facts = [
         (say("serial number"), found.serial),
         (say("attempt"), attempts_said(attempts_of(found).removeprefix("attempt "), say)),
-        (say("verdict"), say(found.verdict or "")),
+        (say("verdict"), ", ".join(say(one) for one in (found.verdict, found.aside) if found.verdict and one)),
+        (say("measured again since"), attempts_said("; ".join(map(str, found.since)), say)),
     ]
     if manifest is not None:
         recipe = manifest.recipe

@@ -207,4 +207,5 @@ def add_certificates(app: FastAPI, station: Station, refuse: Refuse) -> None:
         return JSONResponse({
             "certificate": found.standing, "text": found.text, "run": found.run, "serial": found.serial,
             "attempt": found.attempt, "attempts": attempts_of(found), "verdict": found.verdict,
+            "aside": found.aside, "since": [str(one) for one in found.since],
         })  # fmt: skip

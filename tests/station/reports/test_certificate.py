@@ -14,6 +14,7 @@ import pytest
 from lostmotion_command import here
 from reportlab.graphics.barcode.qr import QrCodeWidget
 from station_samples import SETUP
+from stored_runs import metric, store_run
 
 from station.errors import RecordError
 from station.records.certificate_code import ALTERED, GENUINE, UNKNOWN, CodeError, check_code, code_of
@@ -105,6 +106,30 @@ def test_a_code_is_genuine_altered_or_unknown(data: Path, tmp_path: Path) -> Non
     shutil.rmtree(run.folder)
     assert (check_code(copied, code).standing, check_code(copied, code).verdict) == (GENUINE, "FAIL")
     assert check_code(copied, other_hash).standing == ALTERED
+
+
+def test_a_genuine_code_says_what_its_verdict_is_worth_by_now(tmp_path: Path) -> None:
+    runs = [
+        store_run(tmp_path, "SN-1", [metric(0.4)]),
+        store_run(tmp_path, "SN-1", [metric(9.9)], failed="lost_motion"),
+        store_run(tmp_path, "SN-2", [metric(0.4)], virtual="P1"),
+    ]
+    first_code, again = code_of(runs[0]), "attempt 2 FAIL lost_motion"
+    first, second, simulated = (check_code(tmp_path, code_of(run)) for run in runs)
+    assert {one.standing for one in (first, second, simulated)} == {GENUINE}
+    assert (first.verdict, [str(one) for one in first.since], first.aside) == (
+        "PASS",
+        [again],
+        None,
+    )
+    assert (second.verdict, second.since) == ("FAIL", ())
+    assert (simulated.verdict, simulated.aside) == ("PASS", "simulated")
+    shown = here("verify", "--code", code_of(runs[0]), "--data", str(tmp_path)).out
+    assert "since    attempt 2 FAIL" in shown
+    assert "PASS, simulated" in here("verify", "--code", code_of(runs[2]), "--data", str(tmp_path)).out
+    shutil.rmtree(runs[0].folder)
+    gone = check_code(tmp_path, first_code)
+    assert ([str(one) for one in gone.since], gone.verdict) == ([again], "PASS"), "the chain knows both"
 
 
 def test_a_forged_manifest_is_no_genuine_record(data: Path, tmp_path: Path) -> None:

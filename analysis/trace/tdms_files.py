@@ -21,6 +21,9 @@ from analysis.trace.errors import AnalysisError
 
 TIME_COLUMN = "t_s"
 
+UNIT_PROPERTY = "unit_string"
+"""Property of a channel that says its unit."""
+
 LARGEST_STEP_S = 1e6
 """A waveform with a longer sample period is taken for a damaged one."""
 
@@ -103,8 +106,34 @@ def _table(channels: list[Any], file: Path) -> Any:
                 "or resample them"
             )
         step = next(iter(timed.values()))
+        _check_starts([channel for channel in channels if channel.name.strip() in timed], step, file)
         columns[TIME_COLUMN] = pa.array(step * np.arange(next(iter(lengths.values()))))
-    return pa.table(columns)
+    units = {channel.name.strip(): str(channel.properties.get(UNIT_PROPERTY, "")) for channel in channels}
+    fields = [pa.field(name, made.type, metadata={"unit": units.get(name, "")}) for name, made in columns.items()]
+    return pa.table(list(columns.values()), schema=pa.schema(fields))
+
+
+def _check_starts(channels: list[Any], step_s: float, file: Path) -> None:
+    """Refuse waveforms that begin at different times: their rows do not belong together."""
+    starts = {channel.name.strip(): _start_us(channel) for channel in channels}
+    stamped = {name: stamp + offset for name, (stamp, offset) in starts.items() if stamp is not None}
+    begins = stamped or {name: offset for name, (_, offset) in starts.items()}
+    first, last = min(begins, key=lambda name: begins[name]), max(begins, key=lambda name: begins[name])
+    apart_s = (begins[last] - begins[first]) * 1e-6
+    if apart_s > step_s:
+        raise AnalysisError(
+            f"{file}: channel {last} begins {apart_s:.3g} s after channel {first} (wf_start_time, wf_start_offset); "
+            "expected all channels from one time on, because the values of a row belong together; record all channels "
+            "in one task, or resample them"
+        )
+
+
+def _start_us(channel: Any) -> tuple[int | None, int]:
+    """Time stamp at which a waveform begins, None without one, and the offset from it, µs."""
+    stamp, offset = channel.properties.get("wf_start_time"), channel.properties.get("wf_start_offset")
+    there = isinstance(stamp, np.datetime64) and not np.isnat(stamp)
+    number = isinstance(offset, int | float) and not isinstance(offset, bool) and abs(offset) < LARGEST_STEP_S
+    return int(stamp.astype("datetime64[us]").astype(np.int64)) if there else None, round(offset * 1e6) if number else 0
 
 
 def _column(values: Any, name: str, file: Path) -> Any:

@@ -74,6 +74,9 @@ UNIT_WORDS: dict[str, tuple[str, ...]] = {
 
 NO_UNIT = ("", "-", "–")
 
+UNIT_OF_FIELD = b"unit"
+"""Metadata of a Parquet column, or of one made of a TDMS channel, that says its unit."""
+
 TDMS_MAGIC = b"TDSm"
 PARQUET_MAGIC = b"PAR1"
 
@@ -132,11 +135,12 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
 
 
 class _Table(NamedTuple):
-    """Names and columns of a file of any kind; `csv` where it was read from text."""
+    """Names, columns and their units ('' where none is said) of a file of any kind; `csv` where it is text."""
 
     file: Path
     names: tuple[str, ...]
     columns: tuple[Any, ...]
+    units: tuple[str, ...] = ()
     csv: CsvTable | None = None
 
     @property
@@ -187,15 +191,13 @@ def _numbers(column: Any, table: _Table, name: str) -> FloatArray:
 
 
 def _check_units(table: _Table) -> None:
-    """Refuse a row of units that contradicts the names of the columns."""
-    if table.csv is None or table.csv.units is None:
-        return
-    for name, cell in zip(table.names, table.csv.units, strict=False):
+    """Refuse a row of units, or a unit that a file states of a column, that contradicts the column's name."""
+    for name, cell in zip(table.names, table.units, strict=False):
         plain = cell.strip("[]() ")
         if name in UNIT_WORDS and plain not in (*UNIT_WORDS[name], *NO_UNIT):
             raise TableError(
                 table.file, f"the unit '{cell}'", UNIT_WORDS[name][0], "convert the column to that unit",
-                line=table.csv.units_line, column=name,
+                line=None if table.csv is None else table.csv.units_line, column=name,
             )  # fmt: skip
 
 
@@ -238,7 +240,7 @@ def _read_table(file: Path) -> _Table:
         if wrong:
             raise AnalysisError(f"{file}: cannot be read as CSV, Parquet or TDMS: {wrong}")
         read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS))
-        return _Table(file, read.names, tuple(read.cells.columns), read)
+        return _Table(file, read.names, tuple(read.cells.columns), read.units or (), read)
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = printable(str(error))
         raise TableError(
@@ -249,7 +251,9 @@ def _read_table(file: Path) -> _Table:
 
 def _of_arrow(file: Path, table: Any) -> _Table:
     # Arrow checks names when they are asked for: UnicodeDecodeError here, not later
-    return _Table(file, tuple(str(name).strip() for name in table.column_names), tuple(table.columns))
+    names = tuple(str(name).strip() for name in table.column_names)
+    units = tuple((field.metadata or {}).get(UNIT_OF_FIELD, b"").decode() for field in table.schema)
+    return _Table(file, names, tuple(table.columns), units)
 
 
 NO_TABLES: tuple[tuple[bytes, str, str], ...] = (

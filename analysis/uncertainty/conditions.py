@@ -30,6 +30,7 @@ from analysis.uncertainty.seen_in_run import (
     locked_width_arcmin,
     noise_seen_arcmin,
     slow_noise_seen,
+    torque_steps_nm,
 )
 
 AngleName = Literal["angle_in", "angle_out"]
@@ -85,8 +86,9 @@ class MeasurementConditions:
     ramps, or the turns of the load, show and nothing has corrected; 0 where they show none. interruptions: of the
     branches of all cycles, so many. zero_shifts_nm: by how much torque zeroes had moved when they were read again after
     the run, of the channels where they were. zeroes_shown_nm: how far off torque zeroes can be, of the channels whose
-    lines show more than is declared. coverage: with which k an uncertainty is stated. noise_seen_arcmin,
-    locked_width_arcmin, slow_noise: what angles and torques show of their own errors (`seen_in_run`). way_arcmin: that
+    lines show more than is declared. torque_steps_nm: of the torques that were recorded in coarse steps. coverage: with
+    which k an uncertainty is stated. noise_seen_arcmin, locked_width_arcmin, slow_noise: what angles and torques show
+    of their own errors (`seen_in_run`). way_arcmin: that
     the loaded shaft turns in a cycle, at the output. left_open: sizes of the errors that the validity checks leave open
     and the budget shall have, by check, in the unit of its error.
     """
@@ -109,6 +111,7 @@ class MeasurementConditions:
     cycles: int = 1
     zero_shifts_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     zeroes_shown_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
+    torque_steps_nm: Mapping[TorqueChannel, float] = field(default_factory=dict)
     noise_seen_arcmin: float = 0.0
     slow_noise: SlowNoise = NO_SLOW_NOISE
     locked_width_arcmin: float = 0.0
@@ -217,6 +220,7 @@ def conditions_of(
         cycles=len(found.loops),
         zero_shifts_nm=zero_shifts_nm or {},
         zeroes_shown_nm=zeroes_shown_nm or {},
+        torque_steps_nm=torque_steps_nm(found),
         noise_seen_arcmin=noise_seen_arcmin(found),
         slow_noise=slow_noise_seen(found),
         locked_width_arcmin=locked_width_arcmin(found),

@@ -1,4 +1,4 @@
-"""What a run shows of its own errors: its noise, fast and slow, a locked shaft that comes late, and a delay tried.
+"""What a run shows of its own errors: noise, fast and slow, coarse steps, a late locked shaft, and a delay tried.
 
 Nothing that is declared says so: a data sheet knows neither the cable nor a filter that somebody has switched on.
 
@@ -25,6 +25,7 @@ from analysis.loop.samples import BranchSamples, converts
 from analysis.torque_ratio.neighbours import alike
 from analysis.torque_ratio.quadrant_fit import FIT_BLOCKS
 from analysis.trace.units import FloatArray
+from analysis.uncertainty.figures import TORQUES, TorqueChannel
 from definitions.units import ARCMIN_PER_RAD
 
 SLOWEST_S = 0.005
@@ -51,6 +52,13 @@ CURVE = 3
 DELAY_S = 4e-3
 """Delay that is tried, and one sample at least: shorter, noise outweighs it, longer, it passes over ripples."""
 
+FINEST_STEP = 2e-5
+"""Share of the largest torque below which a step is none that anybody sees."""
+
+STANDING, OFF_GRID = 0.01, 1e-3
+"""Share of the neighbours that are the same in a torque of coarse steps, at least; and how far off its grid it may be,
+in steps."""
+
 PARTS = 400
 """Parts of a branch in which the change is averaged."""
 
@@ -69,6 +77,31 @@ def noise_seen_arcmin(found: Measured) -> float:
         squares = np.square(np.concatenate(pieces)) / SECOND_DIFFERENCE
         variance += float(squares.mean()) * (ARCMIN_PER_RAD / scale) ** 2 if squares.size else 0.0
     return math.sqrt(variance)
+
+
+def torque_steps_nm(found: Measured) -> dict[TorqueChannel, float]:
+    """Return the step of each torque that was recorded in coarse steps, N·m; no entry for one that was not.
+
+    Such values lie on a grid, and neighbours are often the same: a torque that is held or repeated lies on none, and
+    one that was computed may lie on one and never stands.
+    """
+    steps = {name: _step_nm(found, getattr(found.recorded, name)) for name in TORQUES}
+    return {name: step for name, step in steps.items() if step > 0.0}
+
+
+def _step_nm(found: Measured, values: FloatArray | None) -> float:
+    """Return the step of the grid on which a torque lies in the measured branches, N·m; 0 of none."""
+    if values is None:
+        return 0.0
+    pieces = [values[rows] for pair in found.pairs for one in pair for rows in one.run.pieces]
+    moves = np.abs(np.concatenate([np.diff(piece) for piece in pieces]))
+    moved = moves[moves > 0.0]
+    least = FINEST_STEP * max(float(np.abs(piece).max()) for piece in pieces)
+    if not moved.size or moved.size > (1.0 - STANDING) * moves.size or moved.min() < least:
+        return 0.0
+    step = float(moved.min())
+    counts = (np.concatenate(pieces) - pieces[0][0]) / step
+    return step if np.abs(counts - np.round(counts)).max() < OFF_GRID else 0.0
 
 
 class SlowNoise(NamedTuple):

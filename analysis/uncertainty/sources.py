@@ -33,6 +33,9 @@ from analysis.uncertainty.shapes import (
 )
 from definitions.units import ARCSEC_PER_RAD
 
+COARSE = 0.25
+"""Share of the noise from which on a step of a torque counts: less is lost in the noise, and in the zero."""
+
 TorqueName = Literal["torque_in", "torque_out"]
 
 
@@ -82,6 +85,18 @@ def _entering(name: TorqueName, figures: SensorFigures, conditions: MeasurementC
     return None if name == "torque_in" and conditions.quadrants is None else _sensor_of(name, figures)
 
 
+def _reading(name: TorqueName) -> Callable[[Setting], FloatArray | float]:
+    """Return what gives the reading of a torque sensor, N·m."""
+    return input_torque if name == "torque_in" else (lambda setting: setting.points.torque_nm)
+
+
+def _moving(name: TorqueName, of: Callable[[Setting], FloatArray | float]) -> tuple[Shape]:
+    """Return the shape of an error that moves the torque of one sensor."""
+    if name == "torque_in":
+        return (lambda setting: Effect(torque_in_nm=of(setting)),)
+    return (lambda setting: Effect(torque_out_nm=of(setting)),)
+
+
 def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
     """Gain, zero and reversibility of one torque sensor."""
     channel: TorqueChannel = "torque_in_nm" if name == "torque_in" else "torque_out_nm"
@@ -109,11 +124,9 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
         return None if _entering(name, figures, conditions) is None else conditions.zeroes_shown_nm.get(channel)
 
     def shape(of: Callable[[Setting], FloatArray | float]) -> tuple[Shape]:
-        if name == "torque_in":
-            return (lambda setting: Effect(torque_in_nm=of(setting)),)
-        return (lambda setting: Effect(torque_out_nm=of(setting)),)
+        return _moving(name, of)
 
-    reading = input_torque if name == "torque_in" else (lambda setting: setting.points.torque_nm)
+    reading = _reading(name)
     return [
         ErrorSource(
             f"{name}_gain", f"gain of the {words} torque sensor", "1", stated,
@@ -136,6 +149,28 @@ def _torque_rows(name: TorqueName, words: str) -> list[ErrorSource]:
             limit(lambda sensor: sensor.reversibility_fraction, of_scale=True), shape(lens),
         ),
     ]  # fmt: skip
+
+
+def _steps_row(name: TorqueName, words: str) -> ErrorSource:
+    """Coarse steps of one torque, as its samples show them: whether decimals were rounded or cut off, they do not."""
+    channel: TorqueChannel = "torque_in_nm" if name == "torque_in" else "torque_out_nm"
+    reading = _reading(name)
+
+    def half_a_step(figures: SensorFigures, conditions: MeasurementConditions) -> float | None:
+        sensor, step_nm = _entering(name, figures, conditions), conditions.torque_steps_nm.get(channel, 0.0)
+        if sensor is None or step_nm <= COARSE * sensor.noise_fraction * sensor.full_scale_nm:
+            return None
+        return step_nm / 2.0
+
+    def cut_off(setting: Setting) -> FloatArray:
+        step_nm = setting.conditions.torque_steps_nm.get(channel, math.inf)
+        part: FloatArray = np.clip(np.asarray(reading(setting)) / step_nm, -1.0, 1.0)
+        return part
+
+    return ErrorSource(
+        f"{name}_steps", f"coarse steps of the {words} torque: cut off decimals make it smaller on both sides",
+        "N·m", lambda _: "normal", half_a_step, _moving(name, cut_off),
+    )  # fmt: skip
 
 
 def _angle_rows(name: AngleName, words: str) -> list[ErrorSource]:
@@ -190,6 +225,8 @@ def _lean(setting: Setting) -> Effect:
 SOURCES: tuple[ErrorSource, ...] = (
     *_torque_rows("torque_out", "output"),
     *_torque_rows("torque_in", "input"),
+    _steps_row("torque_out", "output"),
+    _steps_row("torque_in", "input"),
     *_angle_rows("angle_in", "input"),
     *_angle_rows("angle_out", "output"),
     ErrorSource(

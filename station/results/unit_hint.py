@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from analysis.trace.trace import Trace
-from recipes import Recipe, StepCycles, TorqueCycles
+from recipes import Recipe, SpeedCycles, StepCycles, TorqueCycles
 
 TORQUE_UNITS: dict[str, float] = {
     "lbf·ft": 1.0 / 1.355_817_9,
@@ -21,6 +21,8 @@ TORQUE_UNITS: dict[str, float] = {
 NEAR = 0.03
 """Peaks of cycles keep to the plan within this; the factors above lie farther apart, and from one."""
 
+TO_A_PEAK = (TorqueCycles, SpeedCycles, StepCycles)
+"""Cycles that turn round at the torque that the recipe plans."""
 
 NEARER = 0.15
 """Share within which the stiffness over that of the catalogue tells the unit: units of torque differ by more."""
@@ -38,7 +40,7 @@ def in_other_unit(hint: str, stiffness: float | None) -> bool:
 
 def torque_unit_hint(trace: Trace, recipe: Recipe) -> str:
     """Say which unit the torque at the output seems to be in, '' where its peak is no such part of the planned one."""
-    planned = [one.peak_torque_nm for one in recipe.sequence if isinstance(one, TorqueCycles | StepCycles)]
+    planned = [one.peak_torque_nm for one in recipe.sequence if isinstance(one, TO_A_PEAK)]
     torque = trace.torque_out_nm
     if not planned or torque is None:
         return ""

@@ -58,6 +58,17 @@ def test_time_stamps_count_from_the_first(tmp_path: Path) -> None:
     assert read_trace(path).t_s == pytest.approx(0.0005 * np.arange(21))
 
 
+def test_waveforms_that_begin_together_and_say_the_units_of_their_names(tmp_path: Path) -> None:
+    stamp = np.datetime64("2024-03-01T12:00:00")
+    path = written(
+        tmp_path / "run.tdms",
+        channel("torque_out_nm", wf_increment=0.001, wf_start_time=stamp, wf_start_offset=1.0, unit_string="Nm"),
+        channel("angle_out_rad", wf_increment=0.001, wf_start_time=stamp + 1, unit_string=""),
+        channel("motor_current", wf_increment=0.001, wf_start_offset=1.0, unit_string="A"),
+    )
+    assert read_trace(path).t_s == pytest.approx(0.001 * np.arange(21))
+
+
 @pytest.mark.parametrize("kind", [np.int16, np.uint8, np.float32, np.int64])
 def test_kinds_of_numbers(tmp_path: Path, kind: type) -> None:
     path = written(tmp_path / "run.tdms", channel("torque_out_nm", np.arange(5).astype(kind)))
@@ -81,6 +92,24 @@ def test_several_segments_of_a_recording(tmp_path: Path) -> None:
         (
             (channel("torque_out_nm", wf_increment=0.1), channel("angle_out_rad", wf_increment=0.2)),
             "torque_out_nm has 0.1 s, angle_out_rad has 0.2 s; record all channels at one rate",
+        ),
+        (
+            (channel("torque_out_nm", unit_string="lbf·ft"), channel("angle_out_rad", unit_string="rad")),
+            "column torque_out_nm: found the unit 'lbf·ft'; expected N·m; convert the column to that unit",
+        ),
+        (
+            (
+                channel("torque_out_nm", wf_increment=0.001, wf_start_offset=0.06),
+                channel("angle_out_rad", wf_increment=0.001, wf_start_offset=0.0),
+            ),
+            "channel torque_out_nm begins 0.06 s after channel angle_out_rad",
+        ),
+        (
+            (
+                channel("torque_out_nm", wf_increment=0.001, wf_start_time=np.datetime64("2024-03-01T12:00:00.000")),
+                channel("angle_out_rad", wf_increment=0.001, wf_start_time=np.datetime64("2024-03-01T12:00:00.020")),
+            ),
+            "channel angle_out_rad begins 0.02 s after channel torque_out_nm",
         ),
         ((channel("torque_out_nm", np.array([1.0, np.nan, 2.0])),), "row 2, column torque_out_nm: found nan"),
         ((channel("torque_out_nm", ["1", "two"]),), "row 2, column torque_out_nm: found 'two'"),

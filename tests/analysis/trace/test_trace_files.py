@@ -169,6 +169,22 @@ def test_no_such_file_and_a_folder(tmp_path: Path) -> None:
             read_trace(path)
 
 
+@pytest.mark.parametrize(("unit", "refused"), [("N·m", False), ("Nm", False), ("", False), ("lbf·ft", True)])
+def test_the_unit_that_a_parquet_column_states_is_that_of_its_name(
+    tmp_path: Path,
+    unit: str,
+    refused: bool,  # noqa: FBT001 - a row of a table
+) -> None:
+    path = tmp_path / "trace.parquet"
+    fields = [pa.field("torque_out_nm", pa.float64(), metadata={"unit": unit}), pa.field("note", pa.string())]
+    pq.write_table(pa.table([pa.array([1.0, 2.0]), pa.array(["a", "b"])], schema=pa.schema(fields)), path)
+    if not refused:
+        assert read_trace(path).samples == 2
+        return
+    with pytest.raises(AnalysisError, match="column torque_out_nm: found the unit 'lbf·ft'; expected N·m"):
+        read_trace(path)
+
+
 def test_parquet_with_a_missing_value(tmp_path: Path) -> None:
     path = tmp_path / "trace.parquet"
     pq.write_table(pa.table({"torque_out_nm": [1.0, None, 3.0]}), path)

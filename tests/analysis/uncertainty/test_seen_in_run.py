@@ -12,7 +12,13 @@ from scipy.signal import lfilter
 
 from analysis.loop.measured import measure
 from analysis.trace.trace import Trace
-from analysis.uncertainty.seen_in_run import NO_SLOW_NOISE, locked_width_arcmin, noise_seen_arcmin, slow_noise_seen
+from analysis.uncertainty.seen_in_run import (
+    NO_SLOW_NOISE,
+    locked_width_arcmin,
+    noise_seen_arcmin,
+    slow_noise_seen,
+    torque_steps_nm,
+)
 
 NOISE_ARCMIN = 0.01
 LAG_S = 0.25
@@ -87,3 +93,32 @@ def test_what_slow_noise_moves_in_one_cycle_is_in_its_uncertainty(name: str) -> 
     for seed in range(3):
         found = metric(name, FIGURES, trace=wandering(ONE_CYCLE, seed)).headline
         assert abs(found.value - true.value) <= found.budget.expanded
+
+
+def stepped(step_nm: float, rounding: np.ufunc = np.trunc, trace: Trace = TRACE) -> Trace:
+    return dataclasses.replace(trace, torque_out_nm=rounding(trace.torque_out_nm / step_nm) * step_nm)
+
+
+@pytest.mark.parametrize("tared_nm", [0.0, 0.137])
+@pytest.mark.parametrize("rounding", [np.trunc, np.floor, np.round])
+def test_coarse_steps_of_a_torque_are_seen(rounding: np.ufunc, tared_nm: float) -> None:
+    trace = stepped(0.5, rounding)
+    tared = dataclasses.replace(trace, torque_out_nm=trace.torque_out_nm - tared_nm)
+    assert torque_steps_nm(measure(tared, METHOD)) == {"torque_out_nm": pytest.approx(0.5)}
+
+
+def test_a_torque_that_is_fine_computed_or_held_has_no_coarse_steps() -> None:
+    held = TRACE.torque_out_nm[np.arange(TRACE.samples) // 5 * 5]
+    even = np.round(QUIET.torque_out_nm / 0.06) * 0.06  # 60 N·m/s in steps of 1 ms: each its own
+    assert len(np.unique(np.diff(even[:1000]).round(6))) == 1
+    for torque in (TRACE.torque_out_nm, QUIET.torque_out_nm, held, even):
+        trace = dataclasses.replace(TRACE, torque_out_nm=torque)
+        assert torque_steps_nm(measure(trace, METHOD)) == {}
+
+
+@pytest.mark.parametrize("step_nm", [0.2, 1.0, 2.0])
+def test_what_cut_off_decimals_move_is_in_the_uncertainty(step_nm: float) -> None:
+    """Cut off, a torque is smaller on both sides: lost motion read larger, by five times its U at 1 N·m."""
+    true, found = (metric("lost_motion", FIGURES, trace=one).headline for one in (TRACE, stepped(step_nm)))
+    assert 0.3 * found.uncertainty < found.value - true.value <= found.uncertainty
+    assert "torque_out_steps" not in contributions(metric("lost_motion", FIGURES, trace=TRACE))

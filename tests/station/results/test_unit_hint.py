@@ -25,6 +25,14 @@ def test_a_unit_is_named(unit: str) -> None:
     assert f"in {unit} " in torque_unit_hint(trace, RECIPE)
 
 
+@pytest.mark.parametrize(("recipe", "peak_nm"), [("static-50nm", 100.0), ("rv-40e-121-output", 300.0)])
+def test_cycles_by_speed_plan_a_peak_too(recipe: str, peak_nm: float) -> None:
+    """A sound unit whose torque was in lbf·ft was a FAIL there: softer by a quarter."""
+    loop = peak_nm * np.sin(np.linspace(0.0, 6.3, 1000))
+    assert "in lbf·ft " in torque_unit_hint(Trace(torque_out_nm=TORQUE_UNITS["lbf·ft"] * loop), load_recipe(recipe))
+    assert torque_unit_hint(Trace(torque_out_nm=loop), load_recipe(recipe)) == ""
+
+
 @pytest.mark.parametrize("share", [1.0, 0.97, 1.02, 0.5, 0.8, 1.3])
 def test_a_smaller_or_a_larger_loop_is_no_unit(share: float) -> None:
     trace = Trace(torque_out_nm=share * PEAK_NM * np.sin(np.linspace(0.0, 6.3, 1000)))

@@ -291,7 +291,8 @@ FAULTS: tuple[Fault, ...] = (
           live_in=LOADED),
     Fault(40, "brake_stays_closed", R.POWER_OFF, 0, "Lock brake did not open, or was closed before the start",
           "Brake supply does not switch off, or was switched on by hand",
-          "Switch the brake supply off. Torque may be stored in the unit: 'lostmotion recover' unloads it",
+          "Leave the lock closed: torque may be stored in the unit, and 'lostmotion recover' unloads it. Switch the "
+          "brake supply off only after that, if it stays on",
           # a jog would wind up what a closed lock holds
           live_in=frozenset({S.HOME, S.JOG})),
     Fault(41, "sample_not_ready", R.QUICK_STOP, 0, "Measuring amplifier reports that its samples are not ready",

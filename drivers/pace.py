@@ -56,7 +56,10 @@ class ToBench(NamedTuple):
 
 
 class FromBench(NamedTuple):
-    """Answer of the bench to the scan `number`: periods that a fault made the scan miss, what was sent since BEGIN."""
+    """Answer of the bench to the scan `number`: periods that the scan has missed, what was sent since BEGIN.
+
+    Periods are missed by a fault, or while the bench went on without a scan that had been silent for too long.
+    """
 
     number: int
     missed: int
@@ -182,7 +185,7 @@ class Pace:
             self.close()
 
     def wait(self) -> int:
-        """Wait until the bench has let the period pass, bounded; return how many periods a fault makes us miss."""
+        """Wait until the bench has let the period pass, bounded; return how many periods we have missed."""
         missed = 0
         until = time.monotonic() + LONGEST_WAIT_S
         while self._socket is not None and self.answer.number != self._asked:

@@ -230,7 +230,7 @@ class WireBench:
         return self.pace is not None and self.pace.in_step
 
     def wait(self) -> int:
-        """Wait, bounded, until a bench that waits has let the period pass; return the periods that it makes us miss.
+        """Wait, bounded, until a bench that waits has let the period pass; return the periods that we have missed.
 
         A bench with a clock of its own is not waited for.
         """

@@ -2,7 +2,7 @@
 
 The bench acts on a message when everything that was sent before it is there. Without a message for `QUIET_S`, and at
 once when the connection ends, the bench goes on by the wall clock: a scan that died is noticed by the drive's own
-watch, as on any bench.
+watch, as on any bench. A scan that is there again after that has missed the periods that passed meanwhile.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from drivers.pace import BEGUN, TO_BENCH, UNIT_BYTES, FromBench, Kind, ToBench, 
 
 QUIET_S = 2.0
 """Silence of a scan that leads, by the wall clock, after which the bench does not wait for it any longer."""
+
+MOST_OF_A_LOOK_S = 0.1
+"""Silence that one look may add: what this process slept longer, held up itself, it could have heard nothing in."""
 
 LONGEST_WAIT_S = 0.05
 """Longest wait for frames and requests that were sent before a message; what is not there by then is given up.
@@ -38,7 +41,7 @@ class Led(Protocol):
         """Begin to wait for a scan."""
 
     def wait_again(self) -> None:
-        """Wait for a scan that had been given up, and is there again."""
+        """Wait for a scan that had been given up, and is there again; it has missed what passed meanwhile."""
 
     def missing(self, message: ToBench) -> bool:
         """Tell whether something that was sent before a message is not there yet."""
@@ -61,7 +64,7 @@ class PacePort:
         self._server: asyncio.Server | None = None
         self._scan: _Connection | None = None
         self._waiting: deque[ToBench] = deque()
-        self._heard_s = 0.0
+        self._silent_s = self._looked_s = 0.0
         self._timer: asyncio.TimerHandle | None = None
 
     async def start(self, host: str, port: int) -> int:
@@ -79,7 +82,10 @@ class PacePort:
 
     def look(self) -> None:
         """Give up a scan that says nothing any more; called at every tick."""
-        if self._scan is not None and self._scan.leads and time.monotonic() - self._heard_s > QUIET_S:
+        now_s = time.monotonic()
+        self._silent_s += min(now_s - self._looked_s, MOST_OF_A_LOOK_S)
+        self._looked_s = now_s
+        if self._scan is not None and self._scan.leads and self._silent_s > QUIET_S:
             self._scan.leads = False
             self._let_go(f"the scan has not ended for {QUIET_S:g} s")
 
@@ -90,7 +96,7 @@ class PacePort:
 
     def heard(self, connection: _Connection, message: ToBench) -> None:
         """Take a message."""
-        self._heard_s = time.monotonic()
+        self._silent_s, self._looked_s = 0.0, time.monotonic()
         if message.kind == Kind.HELLO:
             unit = self._bench.unit.encode().ljust(UNIT_BYTES, b"\0")[:UNIT_BYTES]
             connection.answer(FromBench(BEGUN, 0, 0, (), unit))

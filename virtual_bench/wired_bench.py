@@ -55,6 +55,7 @@ class VirtualBench:
         self._frames_sent_before = 0
         self._awaited = [Awaited() for _ in range(1 + len(config.devices))]
         self._given_up = False
+        self._let_go_ns = self._missed_alone = 0
         """Whether something was done without since the scan leads; before that nothing is late or lost."""
         self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self.unit = bench.unit
@@ -162,6 +163,7 @@ class VirtualBench:
         self._frames_come, self._frames_sent_before = 0, self.can.frames_sent
         self._awaited = [Awaited() for _ in self._awaited]
         self._given_up = False
+        self._missed_alone = 0
         for server in self.servers.values():
             server.requests = server.bytes_sent = 0
         self.time.lead()
@@ -170,7 +172,14 @@ class VirtualBench:
         self.can.flush()
 
     def wait_again(self) -> None:
-        """Wait for a scan that had been given up, and is there again."""
+        """Wait for a scan that had been given up, and is there again; the next answer tells what it has missed.
+
+        Its time is whole periods: what is begun of one passes before it leads.
+        """
+        gone_ns = self.time.now_ns - self._let_go_ns
+        periods = -(-gone_ns // self._period_ns)
+        self.time.let_pass(periods * self._period_ns - gone_ns)
+        self._missed_alone += periods
         self.time.lead()
 
     def _come(self) -> tuple[int, ...]:
@@ -216,6 +225,7 @@ class VirtualBench:
         for _ in range(1 + missed):
             self.time.let_pass(self._period_ns)
             self._do_due()
+        missed, self._missed_alone = missed + self._missed_alone, 0
         self.can.flush()
         frames = self.can.frames_sent - self._frames_sent_before
         answered = tuple(server.bytes_sent for server in self.servers.values())
@@ -224,6 +234,7 @@ class VirtualBench:
     def go_on(self) -> None:
         """Go on by the wall clock."""
         self.time.release()
+        self._let_go_ns = self.time.now_ns
         self._take_waiting()
 
     def _take_waiting(self) -> None:

@@ -29,7 +29,7 @@ def missed_periods(evidence: Evidence) -> Reading | str:
     facts = evidence.facts
     if facts is None:
         return NO_RECORD
-    if facts.bench_waited:
+    if facts.bench_waited and not facts.missed:
         return BENCH_WAITED
     share = facts.missed / facts.periods if facts.periods else 0.0
     return Reading(share * 100.0, f"{facts.missed} of {facts.periods} scan periods were missed ({share:.3%})")

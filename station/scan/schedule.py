@@ -110,7 +110,7 @@ class WaitingBench(Protocol):
         """Whether it waits, and has answered in time."""
 
     def wait(self) -> int:
-        """Wait, bounded, until it has let the period pass; return the periods that a fault makes us miss."""
+        """Wait, bounded, until it has let the period pass; return the periods that we have missed."""
 
 
 class BenchSchedule:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import pytest
 
 from definitions.checks import CHECKS
+from definitions.faults import FAULT_BY_ID
 from definitions.image import State
 from definitions.metrics import BRANCHES, FIT_POINTS, FITS, GRADED, GRADES, LSQ_POINTS, METRICS, SIDED
 from definitions.states import LOADED, LOCKED, OVER, RUNNING, STATES, row_of
@@ -65,3 +66,9 @@ def test_a_definition_says_at_how_many_torques_it_is_fitted() -> None:
     assert f"{LSQ_POINTS} equally spaced torques" in METRICS["stiffness_lsq"].text
     assert f"{FIT_POINTS} equally spaced torques" in FITS["six_segment"].text
     assert f"{FIT_POINTS} equally spaced torques" in FITS["three_region"].text
+
+
+def test_a_lock_that_was_found_closed_is_let_go_after_the_recovery_and_not_before() -> None:
+    to_do = FAULT_BY_ID["brake_stays_closed"].next_action
+    assert to_do.startswith("Leave the lock closed")
+    assert to_do.index("'lostmotion recover'") < to_do.lower().index("supply off")

@@ -5,10 +5,11 @@ from __future__ import annotations
 import pytest
 
 from drivers.pace import Kind, ToBench
-from virtual_bench import bench_time
+from virtual_bench import bench_time, pace_port
 from virtual_bench.awaited import LOST_AFTER
 from virtual_bench.config import ServerConfig
 from virtual_bench.devices.modbus_servers import ModbusServer
+from virtual_bench.pace_port import QUIET_S, PacePort
 from virtual_bench.wired_bench import VirtualBench
 
 MS = 1_000_000
@@ -81,3 +82,45 @@ def test_requests_that_come_late_now_and_then_are_waited_for_however_often(serve
         bench.servers["amplifier"].requests = sent
         assert not bench.missing(ended), "it has come, and another scan without a request ends"
         bench.let_scan_pass(ended)
+
+
+def test_a_scan_that_was_given_up_has_missed_what_passed_meanwhile(
+    server_config: ServerConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench = VirtualBench(server_config, None, lambda *_text, **_more: None)
+    bench.begin(MS)
+    began_ns = bench.time.now_ns
+    ended = ToBench(Kind.SCAN_ENDED, 0, 0, 0, ())
+    assert bench.let_scan_pass(ended).missed == 0
+    bench.go_on()
+    clock_ns = bench.time._wall_ns
+    monkeypatch.setattr(bench_time.time, "monotonic_ns", lambda: clock_ns + 7 * MS + 1)
+    bench.tick()
+    bench.wait_again()
+    assert bench.let_scan_pass(ended._replace(number=1)).missed == 8, "seven periods, and what was begun of the next"
+    assert bench.time.now_ns - began_ns == (2 + 8) * MS, "the record of the scan has the time of the bench"
+    assert bench.let_scan_pass(ended._replace(number=10)).missed == 0
+
+
+def test_a_bench_that_was_held_up_itself_does_not_give_its_scan_up(
+    server_config: ServerConfig, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    logged: list[str] = []
+    bench = VirtualBench(server_config, None, lambda *_text, **_more: None)
+    port = PacePort(bench, lambda event, _text: logged.append(event))
+    now_s = [1000.0]
+    monkeypatch.setattr(pace_port.time, "monotonic", lambda: now_s[0])
+    scan = pace_port._Connection(port)
+    monkeypatch.setattr(scan, "answer", lambda _answer: None)
+
+    def looks(every_s: float, duration_s: float) -> None:
+        for _ in range(round(duration_s / every_s)):
+            now_s[0] += every_s
+            port.look()
+
+    port.heard(scan, ToBench(Kind.BEGIN, MS, 0, 0, ()))
+    looks(0.01, 1.0)
+    looks(3.0, 3.0)
+    assert (bench.time.led, logged) == (True, ["pace_begun"]), "nobody could be heard in the three seconds"
+    looks(0.01, QUIET_S)
+    assert (bench.time.led, logged) == (False, ["pace_begun", "pace_ended"])

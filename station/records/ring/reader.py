@@ -120,6 +120,12 @@ class RingReader(MappedRing):
         keep(data)
         words[W_READ] = written
 
+    @property
+    def commands_waiting(self) -> int:
+        """Commands that were sent and not taken by a scan yet."""
+        words = self._words
+        return int(words[W_COMMANDS_WRITTEN] - words[W_COMMANDS_TAKEN])
+
     def send(self, command: Command) -> None:
         """Put a command into the mailbox; the scan takes one per scan, in this order.
 
@@ -129,7 +135,7 @@ class RingReader(MappedRing):
         """
         words = self._words
         count = words[W_COMMANDS_WRITTEN]
-        if count - words[W_COMMANDS_TAKEN] >= MAILBOX_SLOTS:
+        if self.commands_waiting >= MAILBOX_SLOTS:
             raise RingError(
                 "the scan process no longer accepts commands. Press the emergency stop if the shaft is under torque"
             )

@@ -1,7 +1,8 @@
 """Keys of a jog: what whoever holds one says becomes the token that the scan counts the age of.
 
 Nothing is kept here: a token is passed on when it comes, and one that was long on its way is not passed on at all. So
-whatever hangs, be it the page, the network or this process, the scan misses the tokens, and stops by itself.
+whatever hangs, be it the page, the network or this process, the scan misses the tokens, and stops by itself. Nor does
+anything queue up for a scan that stands still: while it has not taken one token, no other is passed on.
 """
 
 from __future__ import annotations
@@ -110,7 +111,7 @@ class Keys:
                 self._press(down=word == PRESS)
             elif word in KEYS and (at_ns is None or 0 <= now_ns - at_ns <= self._oldest_ns):
                 token = KEYS[word]
-        if token is not None and not self._ended:
+        if token is not None and not self._ended and not ring.commands_waiting:
             ring.send(token)
         _, _, orders = unpack(ring.last())
         if orders.state == State.JOG and orders.phase != self._shown and orders.phase in PHASE_ROWS:

@@ -93,6 +93,16 @@ def test_facts_of_a_run_that_could_not_be_evaluated_still_speak() -> None:
     assert len(reasons) == 3
 
 
+def test_of_a_bench_that_waits_periods_are_judged_where_some_were_missed_all_the_same():
+    waited = dataclasses.replace(FACTS, bench_waited=1)
+
+    def judged(missed: int) -> bool | None:
+        checks = judge_checks(Evidence(None, dataclasses.replace(waited, missed=missed), ()))
+        return next(check.passed for check in checks if check.id == "missed_periods")
+
+    assert [judged(missed) for missed in (0, 3, 400)] == [None, True, False]
+
+
 def test_gates_that_do_not_apply_say_why_and_decide_nothing() -> None:
     result = analyse(exact_trace(P1, 480.0), METHOD, WANTED)
     assert result.verdict is Verdict.PASS

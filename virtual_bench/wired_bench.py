@@ -55,8 +55,9 @@ class VirtualBench:
         self._frames_sent_before = 0
         self._awaited = [Awaited() for _ in range(1 + len(config.devices))]
         self._given_up = False
-        self._let_go_ns = self._missed_alone = 0
         """Whether something was done without since the scan leads; before that nothing is late or lost."""
+        self._let_go_ns = self._missed_alone = 0
+        """When a silent scan was given up, and the periods that such a scan has missed and was not told yet."""
         self._frames: FrameFaults | None = None  # from when the drive is there: it says boot-up while it is made
         self.unit = bench.unit
         self._keep_truth = config.truth is not None

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from analysis.evaluation.pipeline import Result, analyse
 from analysis.evaluation.verdict import Verdict
@@ -57,6 +58,9 @@ SEED = 7
 PER_DECADE = 6
 DECADES = 2.0
 HALVINGS = 3
+NOISE_SAMPLES = 51
+"""Samples that are averaged to see a torque without its noise."""
+
 METRICS = ("backlash_width_3pct", "lost_motion", "stiffness_50_100 load")
 IMAGE = "wrong-pass.svg"
 
@@ -105,6 +109,19 @@ def _late_within(trace: Trace, channels: Sequence[str], seconds: float) -> Trace
     return replace(trace, **{name: np.interp(times, trace.t_s, getattr(trace, name)) for name in channels})
 
 
+def _borne(trace: Trace, most_nm: float) -> Trace:
+    """Return the trace with an output torque that follows by a play of so much each way: a bearing bears the rest.
+
+    A negative size is what the torque is ahead by. The noise is of the sensor, and follows by nothing.
+    """
+    torque = uniform_filter1d(trace.torque_out_nm, NOISE_SAMPLES, mode="nearest")
+    shown, left, most = np.empty(trace.samples), 0.0, abs(most_nm)
+    for row, now in enumerate(torque.tolist()):
+        left = min(max(left, now - most), now + most)
+        shown[row] = left
+    return _torque(trace, np.sign(most_nm) * (shown - torque))
+
+
 def _copied(trace: Trace, dither_nm: float) -> Trace:
     """Return the trace with its first cycle in the place of all others, the output torque with noise of so much."""
     channels = ("torque_in_nm", "torque_out_nm", "angle_in_rad", "angle_out_rad")
@@ -145,6 +162,7 @@ CASES: dict[str, Case] = {
     ),
     "bend": Case("output torque bent", "%", 50.0, lambda size: Defect(bend=size / 100.0)),
     "hysteresis": Case("hysteresis of the output sensor", "N·m", 60.0, lambda size: Defect(hysteresis_nm=size)),
+    "even hysteresis": Case("hysteresis of the output sensor, alike at every load", "N·m", 60.0, trace=_borne),
     "offset": Case("zero of the output torque", "N·m", 60.0, trace=_torque),
     "torque drift": Case(
         "drift of the output torque", "N·m/min", 120.0, trace=lambda trace, size: _torque(trace, size * _minutes(trace))

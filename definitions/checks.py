@@ -397,10 +397,11 @@ _ROWS = (
         "torque_out_zero", "Zero offset of the output torque", FRACTION, 0.5,
         "zero offset of the output torque sensor, less the offset that the bench file allows (tared_zero), relative "
         "to the reference torque. It is measured where the lines of output torque over input torque for loading and "
-        "unloading cross",
+        "unloading cross. Half of the difference between falling and rising torque counts as well, less the "
+        "reversibility of the bench file and less what the friction of the unit can cause",
         "the output torque sensor does not read zero without load",
         "tare the output torque sensor at rest and without load, and check its zero; then measure again",
-        settable=SHARES,
+        settable=SHARES, leaves_open=LeavesOpen("hysteresis of the output torque sensor, alike at every load", "N·m"),
     ),
     Check(
         "torque_lines", "Residual of the torque ratio", FRACTION, 0.5,

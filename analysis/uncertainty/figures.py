@@ -159,6 +159,12 @@ class SensorFigures:
         return self.torque_in.gain_fraction + self.torque_out.gain_fraction
 
     @property
+    def torque_out_reversibility_nm(self) -> float:
+        """Hysteresis of the output torque that is declared at mid-range, N·m; 0 without that sensor."""
+        sensor = self.torque_out
+        return 0.0 if sensor is None else sensor.reversibility_fraction * sensor.full_scale_nm
+
+    @property
     def torque_out_zero_nm(self) -> float:
         """Limit of what the tare leaves of the zero of the output torque, N·m; 0 without that sensor."""
         return self.zero_nm("torque_out_nm") or 0.0

@@ -46,6 +46,17 @@ def _both_lenses(setting: Setting) -> Effect:
     return Effect(of_output, 0.0 if points.torque_in_nm is None else of_output / points.slope)
 
 
+def _even_hysteresis(setting: Setting) -> Effect:
+    """Hysteresis that is alike at every load, as of a bearing that bears a part: falling torque reads high.
+
+    It turns over while the torque goes back by twice its size.
+    """
+    points, conditions = setting.points, setting.conditions
+    size_nm = conditions.left_open.get("torque_out_zero") or TRIAL
+    gone_nm = conditions.peak_nm + points.direction * points.torque_nm
+    return Effect(points.direction * np.clip(1.0 - gone_nm / size_nm, -1.0, 1.0))
+
+
 def _of_ratio(setting: Setting) -> Effect:
     return Effect(angle_arcmin=turned_arcmin(setting, "angle_in"))
 
@@ -107,6 +118,13 @@ OPEN_SOURCES: Mapping[str, tuple[ErrorSource, ...]] = {
         ErrorSource(
             "open_ratio", "ratio in the recipe that ratio_agreement leaves open", "1", _rectangular,
             _open("ratio_agreement", 100.0, needs=lambda conditions: "angle_in" in conditions.encoders), (_of_ratio,),
+        ),
+    ),
+    "torque_out_zero": (
+        ErrorSource(
+            "open_even_hysteresis",
+            "hysteresis of the output torque sensor, alike at every load, that torque_out_zero leaves open", "N·m",
+            _rectangular, _open("torque_out_zero"), (_even_hysteresis,),
         ),
     ),
     "torque_bend": (

@@ -28,7 +28,7 @@ from analysis.uncertainty.chain import Move, covariance_moves, covariance_of, mo
 from analysis.uncertainty.conditions import MeasurementConditions
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
-from analysis.uncertainty.left_open import OPEN_SOURCES, TRIAL
+from analysis.uncertainty.left_open import OPEN, OPEN_SOURCES, TRIAL
 from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
 from analysis.uncertainty.scatter import deviation
 from analysis.uncertainty.seen_in_run import SlowNoise
@@ -68,7 +68,8 @@ Estimate = Callable[[Loop], float]
 class UsedSource(NamedTuple):
     """A source that enters a loop: its distribution, limit, standard uncertainty, and the moves of its components.
 
-    A move is what one unit of `u` does: `scale` is the amount of it that one standard uncertainty stands for.
+    A move is what one unit of `u` does: `scale` is the amount of it that is tried, one standard uncertainty. Of an error
+    that a check leaves open it is all that may be there, for that may be much more than a metric follows evenly.
     """
 
     id: str
@@ -79,6 +80,25 @@ class UsedSource(NamedTuple):
     u: float
     scale: float
     moves: tuple[Move, ...]
+
+    @property
+    def is_open(self) -> bool:
+        """Whether it is an error that a check leaves open."""
+        return self.id.startswith(OPEN)
+
+    def pairs(self, loop: Loop) -> list[tuple[Loop, Loop]]:
+        """Return the loop with so much of each component as is tried, and with as much against it."""
+        return [(move.applied(loop, self.scale), move.applied(loop, -self.scale)) for move in self.moves]
+
+    def contribution(self, estimate: Estimate, base: float, pairs: Sequence[tuple[Loop, Loop]]) -> float:
+        """Return what it contributes to a metric, of which the loop itself has the value `base`."""
+        if self.is_open:
+            share = self.u / self.scale
+            changes = [_largest(base, estimate(high), estimate(low)) * share for high, low in pairs]
+        else:
+            changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
+        # one component keeps its sign; of several with unknown phase only the size means something
+        return changes[0] if len(changes) == 1 else math.hypot(*changes)
 
 
 def used_sources(loop: Loop, conditions: MeasurementConditions, figures: SensorFigures) -> tuple[UsedSource, ...]:
@@ -116,7 +136,8 @@ def _used(
         moves = tuple(moves_of(source, loop, conditions, figures))
         if any(move.moves_anything for move in moves):
             u = declared.u
-            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, u, moves))
+            scale = limit if source.id.startswith(OPEN) else u
+            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, scale, moves))
     return found
 
 
@@ -147,6 +168,14 @@ def _change(base: float, high: float, low: float) -> float:
     if (high - base) * (low - base) <= 0.0:
         return (high - low) / 2.0
     return max(high - base, low - base, key=abs)
+
+
+def _largest(base: float, high: float, low: float) -> float:
+    """Return the larger of the changes that an error of either sign makes.
+
+    A loop that has all of a large error may follow more of it by little, and be far from what it would be without.
+    """
+    return max(high - base, base - low, key=abs)
 
 
 def smoothed(loop: Loop) -> Loop:
@@ -195,8 +224,7 @@ class LoopUncertainty:
     ) -> None:  # fmt: skip
         self.smooth = smoothed(loop)
         self.used = used_sources(self.smooth, conditions, figures)
-        self._pairs = [[(move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
-                        for move in one.moves] for one in self.used]  # fmt: skip
+        self._pairs = [one.pairs(self.smooth) for one in self.used]
         self._shorter = _shorter(self.smooth, conditions.masked_nm)
         self._noisy = noisy_loops(loop, conditions, figures)
         self._by_output = by_output
@@ -209,7 +237,7 @@ class LoopUncertainty:
         """Return the budget of a metric whose values per cycle are given; AnalysisError where a moved loop has none."""
         base, noise = estimate(self.smooth), self.noise(estimate)
         of_sources = [
-            Entry(one.id, one.text, one.distribution, one.u, one.unit, _contribution(estimate, base, pairs))
+            Entry(one.id, one.text, one.distribution, one.u, one.unit, one.contribution(estimate, base, pairs))
             for one, pairs in zip(self.used, self._pairs, strict=True)
         ]
         of_conversion = self._of_masked(estimate, base, unit)
@@ -235,11 +263,7 @@ class LoopUncertainty:
         if check not in self._tried:
             trial = replace(self._conditions, left_open={check: TRIAL})
             used = _used(OPEN_SOURCES[check], self.smooth, trial, self._figures)
-            self._tried[check] = [
-                (move.applied(self.smooth, one.scale), move.applied(self.smooth, -one.scale))
-                for one in used
-                for move in one.moves
-            ]
+            self._tried[check] = [pair for one in used for pair in one.pairs(self.smooth)]
         base = estimate(self.smooth)
         try:
             return any(
@@ -280,13 +304,6 @@ class LoopUncertainty:
     def noise(self, estimate: Estimate) -> float:
         """Return the standard deviation of one cycle's value by the noise of the sensors."""
         return deviation([estimate(loop) for loop in self._noisy])
-
-
-def _contribution(estimate: Estimate, base: float, pairs: Sequence[tuple[Loop, Loop]]) -> float:
-    """Return what a source contributes, by loops moved by plus and minus its components."""
-    changes = [_change(base, estimate(high), estimate(low)) for high, low in pairs]
-    # one component keeps its sign; of several with unknown phase only the size means something
-    return changes[0] if len(changes) == 1 else math.hypot(*changes)
 
 
 NOISY_LOOPS = 40

@@ -59,11 +59,12 @@ class Evidence:
     """All that validity checks look at; `measured` is None when the trace could not be evaluated at all.
 
     noise_declared: a bench is known whose sensors have noise. torque_out_zero_nm: limit that is declared of the zero of
-    the output torque [N·m]; 0 where nothing is. torque_noise_nm: standard deviation declared of a torque channel. late:
-    how late the torque is behind the wind-up, or why nothing tells it. torque_gain: gain error that is declared of both
-    torque sensors together, relative; None where nothing is. zero_moves_nm: by how much the zero of a torque channel
-    may move in a run: friction at rest alone, and the largest move; of the channels whose sensors are declared.
-    angle_wave_arcmin: peak that is declared of the error within a line of the loaded shaft's encoder, at the output.
+    the output torque [N·m]; 0 where nothing is. torque_out_reversibility_nm: the same of its hysteresis.
+    torque_noise_nm: standard deviation declared of a torque channel. late: how late the torque is behind the wind-up,
+    or why nothing tells it. torque_gain: gain error that is declared of both torque sensors together, relative; None
+    where nothing is. zero_moves_nm: by how much the zero of a torque channel may move in a run: friction at rest alone,
+    and the largest move; of the channels whose sensors are declared. angle_wave_arcmin: peak that is declared of the
+    error within a line of the loaded shaft's encoder, at the output.
     """
 
     measured: Measured | None
@@ -71,6 +72,7 @@ class Evidence:
     objections: tuple[str, ...] = ()
     noise_declared: bool = False
     torque_out_zero_nm: float = 0.0
+    torque_out_reversibility_nm: float = 0.0
     torque_noise_nm: Mapping[str, float] = field(default_factory=dict)
     late: Lateness | str = NOT_EVALUATED
     torque_gain: float | None = None
@@ -90,6 +92,7 @@ def evidence_of(
         evidence,
         noise_declared=figures.noisy,
         torque_out_zero_nm=figures.torque_out_zero_nm,
+        torque_out_reversibility_nm=figures.torque_out_reversibility_nm,
         torque_noise_nm=figures.torque_noise_nm,
         torque_gain=figures.torque_gain,
         zero_moves_nm={name: move for name in TORQUES if (move := figures.zero_move_nm(name)) is not None},

@@ -75,7 +75,8 @@ class SettledLines(NamedTuple):
     """What the torque lines of a run show: ratio of each side, both torques at no load [N·m] or None, friction.
 
     friction: share of the load that it grows by, mean of both sides. zero_in_nm: of the input torque, without the
-    friction that is there without load, idle_nm of each direction, NaN where it is not known.
+    friction that is there without load, idle_nm of each direction, NaN where it is not known. hysteresis_nm: by how
+    much the output torque reads high at no load while it falls, and low while it rises; None where it is not known.
     """
 
     ratios: Mapping[str, Told]
@@ -83,6 +84,7 @@ class SettledLines(NamedTuple):
     friction: float
     zero_in_nm: Told | None = None
     idle_nm: float = math.nan
+    hysteresis_nm: Told | None = None
 
 
 Fits = Mapping[str, RatioFit]
@@ -122,13 +124,14 @@ def settled_lines(trace: Trace, runs: Sequence[Run]) -> SettledLines:
     """
     known = _by_share(trace, runs, bounce_ends_nm(trace, runs))
     ratios = {side: told(known, partial(ratio_of, side=side)) for side in SIDES}
-    zero, zero_in = (told(known, figure) for figure in (zero_of, zero_in_of))
+    zero, zero_in, hysteresis = (told(known, figure) for figure in (zero_of, zero_in_of, hysteresis_of))
     return SettledLines(
         ratios,
         zero if math.isfinite(zero.value) else None,
         friction_of(known[-1]),
         zero_in if math.isfinite(zero_in.value) else None,
         idle_of(known[-1]),
+        hysteresis if math.isfinite(hysteresis.expanded) else None,
     )
 
 
@@ -190,6 +193,15 @@ def ratio_of(fits: Lines, side: str) -> float:
 def zero_of(fits: Lines) -> float:
     """Output torque at which the lines of a direction of motion meet, N·m; mean of both; NaN where they do not."""
     return sum(torque_out for _, torque_out in _meetings(fits)) / len(SIDES)
+
+
+def hysteresis_of(fits: Lines) -> float:
+    """Half of what the output torque reads more where the lines of falling torque meet, N·m; NaN where they do not.
+
+    No load is none in either direction: a sensor that reads another there has the difference from the direction.
+    """
+    (_, rising), (_, falling) = _meetings(fits)
+    return (falling - rising) / 2.0
 
 
 def zero_in_of(fits: Lines) -> float:

@@ -46,6 +46,9 @@ FRICTION_DIFFERS = 0.03
 """Share by which friction may differ between loading and unloading: the harmonic mean of their slopes then moves by as
 much of the friction. That the two are alike is a model of gears, and not what a catalogue states."""
 
+IDLE_DIFFERS = 0.4
+"""Share by which friction without load may differ between loading and unloading, of whatever unit: each ± 20 %."""
+
 UNDECLARED_GAIN = 0.01
 """Gain error that both torque sensors together may have where nothing is declared of them."""
 
@@ -222,9 +225,46 @@ def torque_out_zero(evidence: Evidence) -> Reading | str:
     )
     beyond_nm = max(0.0, abs(zero_nm) - evidence.torque_out_zero_nm - unsure_nm)
     allowed_nm = CHECKS["torque_out_zero"].limit / 100.0 * reference_nm
+    ratio = found.method.ratio
+    apart = _apart_at_no_load(lines, where, evidence, ratio)
+    if apart is not None and apart.figure > beyond_nm:
+        beyond_nm, words = apart.figure, apart.words
     if unsure_nm > allowed_nm >= beyond_nm:
         return f"{IN_TRANSITION}; the zero is {_known(unsure_nm, 'N·m')}"
-    return Reading(100.0 * beyond_nm / reference_nm, words)
+    return Reading(100.0 * beyond_nm / reference_nm, words, LeftOpen(0.0, _hysteresis_nm(lines, ratio)))
+
+
+def _apart_at_no_load(lines: SettledLines, where: str, evidence: Evidence, ratio: float) -> Reading | None:
+    """Return the hysteresis of the output torque at no load beyond what may be friction, N·m; None where not known."""
+    if lines.hysteresis_nm is None or lines.zero_nm is None:
+        return None
+    (half_nm, unsure_nm), zero_nm = lines.hysteresis_nm, lines.zero_nm.value
+    declared_nm = evidence.torque_out_zero_nm + evidence.torque_out_reversibility_nm
+    beyond_nm = abs(half_nm) - declared_nm - unsure_nm - _from_friction_nm(lines, ratio, IDLE_DIFFERS)
+    words = (
+        f"{where} meet where the output torque reads {zero_nm + half_nm:+.3g} N·m while it falls and "
+        f"{zero_nm - half_nm:+.3g} N·m while it rises: its sensor has hysteresis, or friction bears a part of it"
+    )
+    return Reading(beyond_nm, words) if math.isfinite(beyond_nm) else None
+
+
+def _from_friction_nm(lines: SettledLines, ratio: float, differs: float) -> float:
+    """Return how far from no load lines meet by friction without load that differs while loading and unloading, N·m.
+
+    As far as the friction that grows with the load takes to make up for it.
+    """
+    return differs * lines.idle_nm * ratio / (2.0 * lines.friction) if lines.friction else math.inf
+
+
+def _hysteresis_nm(lines: SettledLines, ratio: float) -> float:
+    """Return the largest hysteresis of the output torque by what it reads at no load, N·m; infinity of any.
+
+    Friction may hide some.
+    """
+    if lines.hysteresis_nm is None:
+        return math.inf
+    half_nm, unsure_nm = lines.hysteresis_nm
+    return abs(half_nm) + unsure_nm + _from_friction_nm(lines, ratio, FRICTION_DIFFERS)
 
 
 def zeroes_shown_nm(found: Measured, figures: SensorFigures) -> dict[TorqueChannel, float]:

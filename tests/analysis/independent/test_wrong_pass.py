@@ -56,6 +56,25 @@ def test_what_passes_by_an_error_that_the_checks_leave_open_does_not_with_it_in_
     assert wrong_pass._judged(case, -4.0, BUDGET, wanted).verdict is Verdict.NOT_DECIDABLE
 
 
+@pytest.mark.parametrize(("metric", "size"), [("backlash_width_3pct", 4.0), ("lost_motion", -12.0)])
+def test_a_hysteresis_alike_at_every_load_is_told_and_in_the_budget(metric: str, size: float) -> None:
+    """Of a lost motion, which follows the more of it the less there is, all of it is tried at once."""
+    case, wanted = CASES["even hysteresis"], [limited(metric)]
+    told = wrong_pass._judged(case, size, "whole run", wanted)
+    assert told.verdict is Verdict.PASS
+    (left,) = [check.left_open for check in told.checks if check.id == "torque_out_zero"]
+    assert left is not None
+    assert abs(size) < left.figure < abs(size) + 1.5
+    assert wrong_pass._judged(case, size, BUDGET, wanted).verdict is Verdict.NOT_DECIDABLE
+
+
+@pytest.mark.parametrize("shown", SHOWN)
+def test_a_hysteresis_beyond_what_friction_may_be_is_refused(shown: str) -> None:
+    result = wrong_pass._judged(CASES["even hysteresis"], -30.0, shown, [limited("lost_motion")])
+    assert "torque_out_zero" in [check.id for check in result.checks if check.passed is False]
+    assert result.verdict is Verdict.NOT_DECIDABLE
+
+
 def test_a_delay_of_the_angle_within_the_ramps_is_seen_by_the_drive() -> None:
     """In each ramp alike, so no branch differs from another of its direction: only rising from falling."""
     result = wrong_pass._judged(CASES["angle late within"], 0.05, "whole run", [limited("lost_motion")])

@@ -124,13 +124,13 @@ OPEN_SOURCES: Mapping[str, tuple[ErrorSource, ...]] = {
         ErrorSource(
             "open_even_hysteresis",
             "hysteresis of the output torque sensor, alike at every load, that torque_out_zero leaves open", "N·m",
-            _rectangular, _open("torque_out_zero"), (_even_hysteresis,),
+            _rectangular, _open("torque_out_zero"), (_even_hysteresis,), whole=True,
         ),
     ),
     "torque_bend": (
         ErrorSource(
             "open_hysteresis", "hysteresis of the output torque sensor that torque_bend leaves open", "N·m",
-            _rectangular, _open("torque_bend"), (lambda setting: Effect(lens(setting)),),
+            _rectangular, _open("torque_bend"), (lambda setting: Effect(lens(setting)),), whole=True,
         ),
     ),
     "angle_waves": (
@@ -148,7 +148,7 @@ OPEN_SOURCES: Mapping[str, tuple[ErrorSource, ...]] = {
     "drive_torque_gap": (
         ErrorSource(
             "open_hysteresis_of_both", "delay of both torques within a ramp that drive_torque_gap leaves open", "N·m",
-            _rectangular, _open("drive_torque_gap"), (_both_lenses,),
+            _rectangular, _open("drive_torque_gap"), (_both_lenses,), whole=True,
         ),
     ),
     "drive_angle_agreement": (

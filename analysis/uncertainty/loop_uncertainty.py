@@ -28,7 +28,7 @@ from analysis.uncertainty.chain import Move, covariance_moves, covariance_of, mo
 from analysis.uncertainty.conditions import MeasurementConditions
 from analysis.uncertainty.distributions import DISTRIBUTIONS
 from analysis.uncertainty.figures import SensorFigures
-from analysis.uncertainty.left_open import OPEN, OPEN_SOURCES, TRIAL
+from analysis.uncertainty.left_open import OPEN_SOURCES, TRIAL
 from analysis.uncertainty.monte_carlo import Drawn, drawn_loops, monte_carlo
 from analysis.uncertainty.scatter import deviation
 from analysis.uncertainty.seen_in_run import SlowNoise
@@ -68,8 +68,8 @@ Estimate = Callable[[Loop], float]
 class UsedSource(NamedTuple):
     """A source that enters a loop: its distribution, limit, standard uncertainty, and the moves of its components.
 
-    A move is what one unit of `u` does: `scale` is the amount of it that is tried, one standard uncertainty. Of an error
-    that a check leaves open it is all that may be there, for that may be much more than a metric follows evenly.
+    A move is what one unit of `u` does: `scale` is the amount of it that is tried, one standard uncertainty, or of a
+    source with `whole` the limit.
     """
 
     id: str
@@ -80,11 +80,7 @@ class UsedSource(NamedTuple):
     u: float
     scale: float
     moves: tuple[Move, ...]
-
-    @property
-    def is_open(self) -> bool:
-        """Whether it is an error that a check leaves open."""
-        return self.id.startswith(OPEN)
+    whole: bool = False
 
     def pairs(self, loop: Loop) -> list[tuple[Loop, Loop]]:
         """Return the loop with so much of each component as is tried, and with as much against it."""
@@ -92,7 +88,7 @@ class UsedSource(NamedTuple):
 
     def contribution(self, estimate: Estimate, base: float, pairs: Sequence[tuple[Loop, Loop]]) -> float:
         """Return what it contributes to a metric, of which the loop itself has the value `base`."""
-        if self.is_open:
+        if self.whole:
             share = self.u / self.scale
             changes = [_largest(base, estimate(high), estimate(low)) * share for high, low in pairs]
         else:
@@ -136,8 +132,10 @@ def _used(
         moves = tuple(moves_of(source, loop, conditions, figures))
         if any(move.moves_anything for move in moves):
             u = declared.u
-            scale = limit if source.id.startswith(OPEN) else u
-            found.append(UsedSource(source.id, source.text, source.unit, distribution, limit, u, scale, moves))
+            scale = limit if source.whole else u
+            found.append(
+                UsedSource(source.id, source.text, source.unit, distribution, limit, u, scale, moves, source.whole)
+            )
     return found
 
 
@@ -171,10 +169,7 @@ def _change(base: float, high: float, low: float) -> float:
 
 
 def _largest(base: float, high: float, low: float) -> float:
-    """Return the larger of the changes that an error of either sign makes.
-
-    A loop that has all of a large error may follow more of it by little, and be far from what it would be without.
-    """
+    """Return the larger of the changes that an error of either sign makes."""
     return max(high - base, base - low, key=abs)
 
 

@@ -55,7 +55,8 @@ class ErrorSource(NamedTuple):
     """One row: words, unit of the amount, its distribution by the figures, its figure, its components.
 
     limit returns None where the bench has no such sensor, or where the error cannot enter. retared: each tare makes the
-    error a new one, so a calibration that was stored earlier has another one.
+    error a new one, so a calibration that was stored earlier has another one. whole: it may be so large that a metric
+    follows more of it by little, so all of it is tried, and the worse of both signs counts.
     """
 
     id: str
@@ -65,6 +66,7 @@ class ErrorSource(NamedTuple):
     limit: Callable[[SensorFigures, MeasurementConditions], float | None]
     shapes: tuple[Shape, ...]
     retared: bool = False
+    whole: bool = False
 
     def declared(self, figures: SensorFigures, conditions: MeasurementConditions) -> Declared | None:
         """Return what is declared of this source; None where nothing of it enters."""

@@ -73,9 +73,8 @@ def test_rows_have_the_size_that_the_check_leaves_open() -> None:
     windup = in_budget().metrics[1].headline.value
     ratio = sizes["ratio_agreement"] / 100.0 * LIMIT
     assert row(in_budget(), 1, "open_ratio") == pytest.approx(ratio * windup, rel=0.05)
-    # The wind-up is read at another torque then, on both sides: by 0.1 / 0.9 of it where a tenth is missing.
-    gain = 0.1 / 0.9
-    assert row(in_budget(), 1, "open_gain_of_both") == pytest.approx(2.0 * gain * LIMIT * 412.0 / 115.0, rel=0.1)
+    # The wind-up is read at another torque then, on both sides.
+    assert row(in_budget(), 1, "open_gain_of_both") == pytest.approx(2.0 * 0.1 * LIMIT * 412.0 / 115.0, rel=0.1)
     # By the compliances of both branches at ±3 % of the rated torque, 1/K_r + 1/K_f. All of a large error to the worse
     # side is a little more than a small one to both.
     small = row(in_budget(), 0, "torque_out_reversibility") / (0.2 * LIMIT)

@@ -42,7 +42,7 @@ def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
     elif not rows:
         sys.stdout.write(f"{data}: holds no runs\n")
     else:
-        console = Console()
+        console = Console(markup=False, emoji=False)
         print_runs(console, rows, fits=console.is_terminal)
     stream = sys.stderr if as_json else sys.stdout
     stream.writelines(f"{line}\n" for line in [*_below(view, rows), *_notes(view, left_out)])

@@ -333,6 +333,26 @@ def test_who_looks_while_another_process_makes_the_store_again_sees_all_runs(
     again.close()
 
 
+def test_a_run_that_is_concluded_during_a_look_is_no_problem_of_the_folder(
+    lot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = view_of.catch_up
+    there = here("list", "--data", str(lot)).out
+
+    def then_measured(*args: Any, **kwargs: Any) -> int:
+        monkeypatch.setattr(view_of, "catch_up", read)
+        left = read(*args, **kwargs)
+        store_run(lot, "NEW", [metric(0.4)], day=40)
+        return left
+
+    monkeypatch.setattr(view_of, "catch_up", then_measured)
+    told = here("list", "--data", str(lot)).out
+    assert "PROBLEM" not in there
+    assert "PROBLEM" not in told
+    assert "altered" not in told
+    assert "NEW" in told
+
+
 def test_a_store_that_is_emptied_all_the_time_is_told(lot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outbox, "_is_up", lambda *_: False)
     with pytest.raises(StoreError, match="another process is making the store of runs again"), production(lot):

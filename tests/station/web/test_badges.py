@@ -149,9 +149,7 @@ def test_a_badge_that_was_given_with_the_identifier_goes_on_to_let_in(station: S
 
 @pytest.mark.parametrize("action", ["start_run", "ask_permission"])
 @pytest.mark.parametrize("sent", [BADGE, f"]C0{BADGE}"])
-def test_the_number_of_a_badge_in_the_place_of_a_unit_is_kept_nowhere(
-    station: Station, action: str, sent: str
-) -> None:
+def test_the_number_of_a_badge_in_the_place_of_a_unit_is_kept_nowhere(station: Station, action: str, sent: str) -> None:
     object.__setattr__(station, "settings", Settings(badge="B-[0-9]{6}"))
     answer = client_of(station, "admin").post(action, {"scanned": sent})
     assert (answer.status_code, answer.json()["refused"][0]["id"]) == (422, "scan")

@@ -60,8 +60,8 @@ def ask(place: Place, sql: str, most: int) -> Answer:
     connection = duckdb.connect(":memory:")
     try:
         _open(connection, place)
-        asked = connection.execute(sql)
-        if not asked.description:
+        asked: duckdb.DuckDBPyConnection | None = connection.execute(sql)  # None of a text without a statement
+        if asked is None or not asked.description:
             raise ArchiveError("the SQL statement is empty. Write a SELECT")
         rows = asked.fetchmany(most + 1)
         columns = tuple(str(one[0]) for one in asked.description)

@@ -99,6 +99,7 @@ class CapabilityRow:
     """Capability of a metric over the side that judges; `why` says why there is none. others: the other sides' Ppk.
 
     tested_by: by which limits the values were judged when they were measured; the indices are by those of `metric`.
+    without: sides that have no indices, and why, where another side has some: nothing is known of them.
     """
 
     metric: Characteristic
@@ -108,6 +109,7 @@ class CapabilityRow:
     other_meanings: int = 0
     why: str = ""
     tested_by: tuple[TestedBy, ...] = ()
+    without: tuple[tuple[str, str], ...] = ()
 
     @property
     def by_others(self) -> tuple[TestedBy, ...]:
@@ -161,22 +163,31 @@ def _capability_row(
     production: Production, lot: Lot, what: Characteristic, subgroup: int, level: float
 ) -> CapabilityRow:
     sides: dict[str, Capability] = {}
-    why = ""
+    without: dict[str, str] = {}
     for side in what.sides:
         try:
             row = values(production, lot, what, side)
             sides[side] = capability([one.value for one in row], what.limit_min, what.limit_max, subgroup, level)
         except AnalysisError as error:
-            why = str(error)
+            without[side] = str(error)
     different = other_meanings(production, lot, what)
     if not sides:
         by = tested_by(production, lot, what, what.sides[0])
-        return CapabilityRow(what, what.sides[0], None, (), different, why, by)
+        return CapabilityRow(what, what.sides[0], None, (), different, without[what.sides[0]], by)
     judging = min(sides, key=lambda side: sides[side].overall.nearest)
     others = tuple((side, one.overall.nearest) for side, one in sides.items() if side != judging)
-    return CapabilityRow(
-        what, judging, sides[judging], others, different, tested_by=tested_by(production, lot, what, judging)
-    )
+    by = tested_by(production, lot, what, judging)
+    return CapabilityRow(what, judging, sides[judging], others, different, "", by, tuple(without.items()))
+
+
+def said_beside(row: CapabilityRow, name: str) -> list[str]:
+    """Return what a reader must know of the indices: which side has none, and by which limits others were tested.
+
+    name: of the metric, '' for none.
+    """
+    begin = f"{name}: " if name else ""
+    none = [f"{begin}nothing is known of side {side}, which has no index. {why}" for side, why in row.without]
+    return none + tested_by_others(row, name)
 
 
 def tested_by_others(row: CapabilityRow, name: str) -> list[str]:

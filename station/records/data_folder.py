@@ -46,7 +46,10 @@ LONGEST_REASON = 200
 LONGEST_NOTE = 400
 
 FURTHEST_AHEAD = timedelta(days=3660)
-"""A folder named by a later moment than this from now was not named by a clock: new ids do not come after it."""
+"""A folder named by a later moment than this from now was not named by a clock: new ids do not come after it.
+
+That of a run which the chain has begun was.
+"""
 
 WORTH_KEEPING = 1000
 """Names in a folder; fewer are listed faster than anybody notices."""
@@ -177,7 +180,7 @@ class Store:
                 names = self._names()
                 attempt, place = self._next_attempt(serial, names, chain.chain), chain.next_place
                 before = () if setup.recovery_of is not None else self._attempts(serial, names)
-                record = self._new_folder(serial, [chain.newest_run, *names])
+                record = self._new_folder(serial, names, begun=chain.newest_run)
                 if own:
                     record.lock.take()
                 _lay_out(record, files)
@@ -221,11 +224,17 @@ class Store:
         sync_folder(self.data)
         return record
 
-    def _new_folder(self, serial: str, names: list[str]) -> RunRecord:
-        """Make a folder that is not there yet, and whose name comes after these names."""
+    def _new_folder(self, serial: str, names: list[str], *, begun: str) -> RunRecord:
+        """Make a folder that is not there yet, and whose name comes after these names.
+
+        begun: the newest run by the chain, which a clock has named, however far this one is behind: a battery that is
+        empty sets it back by decades. '' for none.
+        """
         latest = WALL_CLOCK.now() + FURTHEST_AHEAD
-        moments = ((name, moment_of(name)) for name in sorted(names, reverse=True))
-        newest, before = next(((name, at) for name, at in moments if at is not None and at <= latest), ("", None))
+        moments = ((name, moment_of(name)) for name in sorted([begun, *names], reverse=True))
+        newest, before = next(
+            ((name, at) for name, at in moments if at is not None and (name <= begun or at <= latest)), ("", None)
+        )
         while True:
             now = WALL_CLOCK.now()
             stamp = _stamp(now)

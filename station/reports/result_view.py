@@ -147,8 +147,11 @@ def proof_of(result: Result) -> Timing | None:
 
 
 def result_console() -> Console:
-    """Return a console on standard output; into a file or a pipe it writes lines of 110 characters."""
-    return Console() if sys.stdout.isatty() else Console(width=110)
+    """Return a console on standard output; into a file or a pipe it writes lines of 110 characters.
+
+    Brackets and colons in what a person named, as a unit or an operator, are no markup: they are shown as they are.
+    """
+    return Console(width=None if sys.stdout.isatty() else 110, markup=False, emoji=False)
 
 
 def show_result(console: Console, result: Result, *, files: bool = True) -> None:

@@ -53,7 +53,7 @@ def result_and_doubts(run: RunRecord) -> tuple[Result, tuple[str, ...]]:
         return without_verdicts(result, doubts), doubts
     try:
         shown = without_verdicts(replace(result, altered=altered), doubts)
-        show_result(Console(file=io.StringIO()), shown)
+        show_result(Console(file=io.StringIO(), markup=False, emoji=False), shown)
     except SHAPELESS:
         shown = without_verdicts(replace(_without_result(run, manifest, state), altered=altered), doubts)
     return shown, doubts

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from station.atomic_file import open_file
@@ -11,7 +10,7 @@ from station.documents.result import Result
 from station.errors import StationError
 from station.records.chain.blocks import lines_bytes
 from station.records.chain.chain_file import CHAIN
-from station.records.chain.entries import SEALED, Fields
+from station.records.chain.entries import SEALED, Fields, entry_of, is_torn, object_in
 from station.records.run_record import RESULT, RunRecord
 from station.records.seal import alterations
 
@@ -24,6 +23,9 @@ def chain_end(data: Path) -> int:
 def sealed_since(data: Path, offset: int, until: int | None = None) -> tuple[list[Fields], int]:
     """Return the entries that seal a run behind a place in the chain, and the place from which to read on.
 
+    A line that a power failure has torn is passed over, as everywhere: its run is concluded by a line behind it. So is
+    one of another hand that is no entry, which `lostmotion verify` names.
+
     until: a place behind which nothing is read, in bytes; None for the end.
 
     Raises:
@@ -31,15 +33,14 @@ def sealed_since(data: Path, offset: int, until: int | None = None) -> tuple[lis
 
     """
     content = _content(data, offset)[: None if until is None else until - offset]
-    end = content.rfind(b"\n") + 1
-    entries: Iterator[Fields] = map(json.loads, content[:end].splitlines())
-    try:
-        return [fields for fields in entries if fields.get("kind") == SEALED], offset + end
-    except (ValueError, AttributeError):
+    found = [(line, entry_of(line)) for line in content.split(b"\n")[:-1]]
+    if any(entry is None and object_in(line) is None and not is_torn(line) for line, entry in found):
         raise StationError(
             f"{data / CHAIN}: a line after byte {offset} is damaged. Restore this file from a backup: no results are "
             "sent until then"
-        ) from None
+        )
+    sealed = [entry.fields for _, entry in found if entry is not None and entry.kind == SEALED]
+    return sealed, offset + content.rfind(b"\n") + 1
 
 
 def result_of(data: Path, name: str, *, samples: bool = False) -> tuple[Sequence[str], Result | None]:

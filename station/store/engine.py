@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from functools import lru_cache
 from json import JSONDecodeError
 from pathlib import Path
@@ -60,6 +60,8 @@ class Database:
         self.place = place
         self._may_take_long = may_take_long
         self._is_open = True
+        self._held = ExitStack()
+        self._holds: Connection | None = None
         with _told(place):
             self._engine = ENGINES.take(place.url)
             try:
@@ -70,13 +72,32 @@ class Database:
 
     @contextmanager
     def reading(self) -> Iterator[Connection]:
-        """Yield a connection that sees one state of the store; StoreError where it fails."""
+        """Yield a connection that sees one state of the store, that which is held; StoreError where it fails."""
+        with _told(self.place):
+            if self._holds is not None:
+                yield self._holds
+                return
         with _told(self.place), self._engine.connect() as plain:
             # PostgreSQL would show each statement a state of its own; SQLite never does.
             level = "REPEATABLE READ" if plain.dialect.name == "postgresql" else None
             connection = plain.execution_options(isolation_level=level) if level else plain
             with connection.begin():
                 yield connection
+
+    def hold(self) -> Connection:
+        """Have all that is read from now on see the state that the store has now; StoreError where it fails.
+
+        Until it is let go, or the database closed. Nothing is written meanwhile.
+        """
+        self.let_go()
+        self._holds = self._held.enter_context(self.reading())
+        return self._holds
+
+    def let_go(self) -> None:
+        """Have what is read see the store as it is again."""
+        self._holds = None
+        with suppress(StoreError):  # nothing was written, so nothing is lost with the connection
+            self._held.close()
 
     @contextmanager
     def writing(self) -> Iterator[Connection]:
@@ -98,6 +119,7 @@ class Database:
         """Close it, once; connections that are kept stay open."""
         if self._is_open:
             self._is_open = False
+            self.let_go()
             ENGINES.let_go(self._engine)
 
     def _migrate(self) -> None:

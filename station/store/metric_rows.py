@@ -24,6 +24,7 @@ class RunThatDoesNotCount(NamedTuple):
     """What there is against a run, or that it is of a master part or a study; the names are those of the columns."""
 
     run: str
+    serial: str
     recipe: str
     state: str
     altered: str

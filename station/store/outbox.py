@@ -28,6 +28,9 @@ from station.store.tables import ATTEMPTS, PROJECTIONS, REMOVALS, RUNS
 BATCH = 100
 """Runs that are put into the store at a time: they are kept together, and others may write between two batches."""
 
+MOST_TRIES = 5
+"""How often a store is brought up that another process makes again at the same time."""
+
 FEW = 5
 """Runs up to which their lines are looked for in the chain; for more of them it is gone through once."""
 
@@ -84,6 +87,46 @@ def catch_up(
         if not left or offset == before or (end is not None and time.monotonic() > end):
             return left
         before = offset
+
+
+def hold_up(
+    database: Database, chain: Chain, *, most_s: float | None = None, told: Told | None = None,
+    warned: Warned | None = None,
+) -> int:  # fmt: skip
+    """Hold a store that was brought up to the chain as it is then; return how many runs it is behind none the less.
+
+    Between the two another process may take all rows out to make them again: figures of those that are there by then
+    would be figures of some runs. Then the store is brought up once more; arguments as of `catch_up`.
+
+    Raises:
+        StoreError, RecordError: as `catch_up`; or it is made again all the time.
+
+    """
+    for _ in range(MOST_TRIES):
+        database.hold()
+        with database.reading() as connection:
+            if _is_up(connection, chain):
+                return 0
+        database.let_go()
+        behind = catch_up(database, chain, most_s=most_s, told=told, warned=warned)
+        if behind:
+            database.hold()
+            return behind
+    raise StoreError(
+        f"{database.place.shown}: another process is making the store of runs again. Wait until it has ended, then run "
+        "the command again"
+    )
+
+
+def _is_up(connection: Connection, chain: Chain) -> bool:
+    """Whether all that is known of a chain is in the store."""
+    if not chain.there:
+        return True
+    row = _projection(connection, chain)
+    if row is None:
+        return False
+    up = bool(row["seen"]) and row["seen"] == chain.seen_now()
+    return up or int(row["offset"]) > chain.content.rfind(b"\n")
 
 
 class _ReadSoFar:

@@ -31,7 +31,7 @@ from station.records.run_record import MANIFEST, RunRecord
 from station.records.seal import is_sealed
 from station.store.engine import Database, StoreError
 from station.store.engines import IN_MEMORY
-from station.store.outbox import BATCH, catch_up, put_runs, remove_runs, stored_walk
+from station.store.outbox import BATCH, catch_up, hold_up, put_runs, remove_runs, stored_walk
 from station.store.places import StorePlace, store_place
 from station.store.plant.removals import removals
 from station.store.rows.projection import seen_files, waits_for_its_name
@@ -91,7 +91,11 @@ def look_at(data: Path) -> Iterator[View]:
 def _view_of(data: Path, chain: Chain) -> Iterator[View]:
     try:
         database = opened(data)
-        view = _looked(data, chain, database)
+        try:
+            view = _looked(data, chain, database)
+        except BaseException:
+            database.close()
+            raise
     except StoreError as error:
         warn(f"{error}. The run folders are read instead, which takes longer")
         database = Database(StorePlace(IN_MEMORY))
@@ -122,6 +126,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     catch_up(database, chain, told=_tell, warned=warn)
     there = _folders(data)
     folders = {name: seen_then for name, seen_then in there.items() if is_text(name)}
+    hold_up(database, chain, told=_tell, warned=warn)
     with database.reading() as connection:
         stored, altered = _stored(connection, chain)
         files = _files_of_newest(connection, chain, folders)
@@ -129,8 +134,11 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
     # A chain that this computer has seen here is away, maybe for a moment: what it said of its runs stays.
     kept = chain.there or chain_seen_in(data) is not None
     gone = [] if kept else [run for run in stored if run not in folders]
-    remove_runs(database, chain, gone)
-    put_runs(database, chain, changed)
+    if changed or gone:
+        database.let_go()
+        remove_runs(database, chain, gone)
+        put_runs(database, chain, changed)
+        hold_up(database, chain, told=_tell, warned=warn)
     view = View(data, chain, database, trust_of(chain))
     with database.reading() as connection:
         stored, altered = _stored(connection, chain) if changed or gone else (stored, altered)

@@ -78,10 +78,6 @@ class Settings(BaseModel):
             os.environ["TZ"] = self.time_zone
             time.tzset()
 
-    def is_badge(self, scanned: str) -> bool:
-        """Say whether what was scanned is a badge number by its syntax."""
-        return self.badge is not None and re.fullmatch(self.badge, scanned) is not None
-
 
 def load_settings(data: Path) -> Settings:
     """Return the settings of a data folder; those that it comes with where it has no `station.yaml`.

@@ -16,7 +16,8 @@ from station.store.plant.meanings import Meaning
 from station.store.stored_runs import is_trusted
 from station.store.view import View
 
-MISSING = "whose folder is missing"
+MISSING, ALTERED, DAMAGED = "whose folder is missing", "altered", "damaged"
+"""Why a run is left out of which nobody knows any more what it was."""
 
 
 class Kind(NamedTuple):
@@ -139,13 +140,13 @@ def value_of(metric: MetricRow, ask: Ask, beside: Mapping[Place, float | None]) 
 def why_left_out(view: View, run: RunThatDoesNotCount) -> str:
     """Return why a run does not count, in words."""
     if not run.recipe:
-        return "damaged"
+        return DAMAGED
     if run.state != COMPLETE:
         return f"that ended as {run.state}"
     if run.run in view.missing:
         return MISSING
     if run.altered or not is_trusted(run.key, view.chain, view.trust):
-        return "altered"
+        return ALTERED
     if run.objection:
         return "whose measurement was invalid"
     return "of a master part" if run.master else "of a guided study"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
@@ -11,6 +11,8 @@ from typing import Any, NamedTuple
 
 from analysis.metrics.former_wordings import wording_of_today
 from station.cli.line.stored_metric import (
+    ALTERED,
+    DAMAGED,
     MISSING,
     Ask,
     Kind,
@@ -163,6 +165,8 @@ class _Metrics(NamedTuple):
 
     rows: list[MetricRow]
     meanings: Mapping[int, Meaning]
+    lost: Mapping[str, Sequence[str]]
+    """Runs that are missing, altered or damaged, by serial number."""
 
 
 def _of_side(
@@ -175,7 +179,7 @@ def _of_side(
             left_out[found] += 1
         else:
             rows.append(found)
-    rows = _attempts(rows, ask.attempts, left_out)
+    rows = _attempts(rows, ask.attempts, metrics.lost, left_out)
     if not rows:
         what = ", ".join(f"{count} {reason}" for reason, count in left_out.items()) or "no runs"
         raise StationError(
@@ -198,6 +202,7 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[_Metrics,
     """Return the metric in every run that counts, oldest first, and why the other runs do not count."""
     left_out: Counter[str] = Counter()
     metrics: list[MetricRow] = []
+    lost: defaultdict[str, list[str]] = defaultdict(list)
     missing = set(view.missing)
     studies = ask.studies or only is not None  # a run that is named is meant
     there = metric_rows(view, _name(ask), ask.recipe, ask.serial, ask.said, studies=studies)
@@ -208,17 +213,20 @@ def _read(view: View, ask: Ask, only: Collection[str] | None) -> tuple[_Metrics,
         found = MISSING if run in missing else read_metric(rows, there.meanings, ask)
         if isinstance(found, str):
             left_out[found] += 1
+            lost[rows[0].serial] += [run] if found == MISSING else []
         else:
             metrics.append(found)
     for one in runs_that_do_not_count(view, ask.recipe, ask.serial, studies=studies):
         if only is None or one.run in only:
-            left_out[why_left_out(view, one)] += 1
+            reason = why_left_out(view, one)
+            left_out[reason] += 1
+            lost[one.serial] += [one.run] if reason in (MISSING, ALTERED, DAMAGED) else []
     for run in view.open:
         reason = _why_open(RunRecord(view.data / run), ask) if only is None or run in only else ""
         if reason:
             left_out[reason] += 1
-    left_out["altered"] += sum(problem.kind in ELSEWHERE for problem in view.problems)
-    return _Metrics(metrics, there.meanings), +left_out
+    left_out[ALTERED] += sum(problem.kind in ELSEWHERE for problem in view.problems)
+    return _Metrics(metrics, there.meanings, lost), +left_out
 
 
 def _why_open(run: RunRecord, ask: Ask) -> str:
@@ -228,7 +236,7 @@ def _why_open(run: RunRecord, ask: Ask) -> str:
         asked = ask.recipe in (None, manifest.recipe.name) and ask.serial in (None, manifest.serial)
         return f"that ended as {run.state()}" if asked else ""
     except RecordError:
-        return "damaged"
+        return DAMAGED
 
 
 def _counts(kinds: Counter[Kind], what: str) -> Counter[Any]:
@@ -260,7 +268,10 @@ def _check_one_kind(metric: str, kinds: Counter[Kind]) -> None:
         )
 
 
-def _attempts(rows: list[StoredValue], which: str, left_out: Counter[str]) -> list[StoredValue]:
+def _attempts(
+    rows: list[StoredValue], which: str, lost: Mapping[str, Sequence[str]], left_out: Counter[str]
+) -> list[StoredValue]:
+    """Return one value of each unit. Where its first run is lost, the second is none the less a retest."""
     if which == "all":
         return rows
     kept: dict[str, StoredValue] = {}
@@ -268,8 +279,15 @@ def _attempts(rows: list[StoredValue], which: str, left_out: Counter[str]) -> li
         kept.setdefault(row.metric.serial, row)
     if len(rows) > len(kept):
         left_out[f"that are not the {which} of their unit"] += len(rows) - len(kept)
-    found = list(kept.values())
+    found = [row for row in kept.values() if not _is_before(row, which, lost.get(row.serial, ()))]
+    if len(kept) > len(found):
+        left_out[f"of units whose {which} run is missing, altered or damaged"] += len(kept) - len(found)
     return found if which == "first" else found[::-1]
+
+
+def _is_before(row: StoredValue, which: str, lost: Sequence[str]) -> bool:
+    """Whether a lost run of the same unit would count instead of this one."""
+    return any((run < row.run_id) if which == "first" else (run > row.run_id) for run in lost)
 
 
 def _same(rows: list[StoredValue], meanings: Mapping[int, Meaning], name: str) -> Meaning:

@@ -31,6 +31,7 @@ from station.web.labels.settings import load_labels
 from station.web.mes.settings import load_mes
 from station.web.models import ModelsFile, load_models
 from station.web.people.accounts import session_here
+from station.web.people.badges import is_badge
 from station.web.people.database import StationDatabase
 from station.web.permission import likely_first
 from station.web.scanner import IDENTIFIER, NOK, ScanError, is_nok, serial_of, without_identifier
@@ -99,7 +100,7 @@ class Line:
 
     def _do(self, scanned: str) -> None:
         text = scanned.strip()
-        if self._station.settings.is_badge(text):
+        if is_badge(self._station.settings, text):
             self._needs_reason = ""
             self._say(f"REFUSED  {A_BADGE}")
         elif self._needs_reason:
@@ -121,7 +122,7 @@ class Line:
     def refuse(self, scanned: Sequence[str]) -> None:
         """Say that what was scanned during a run was not taken."""
         for text in scanned:
-            if self._station.settings.is_badge(text.strip()):
+            if is_badge(self._station.settings, text.strip()):
                 self._say(f"REFUSED  {A_BADGE}")
                 continue
             with self._going_on():

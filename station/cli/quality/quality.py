@@ -21,7 +21,7 @@ from station.quality.figures import (
     capability_of,
     causes_of,
     chart_of,
-    tested_by_others,
+    said_beside,
     trend_of,
     yield_of,
 )
@@ -123,7 +123,7 @@ def print_capability(
     notes += _meanings((one.metric.name, one.other_meanings) for one in found.rows)
     many = max((one.found.values for one in found.rows if one.found is not None), default=0)
     notes += [f"of the newest {many} first attempts; more with --newest N"] if many == lot.newest else []
-    notes += [text for one in found.rows for text in tested_by_others(one, one.metric.name)]
+    notes += [text for one in found.rows for text in said_beside(one, one.metric.name)]
     notes.append("other side: Ppk of the other side; the side with the smaller Ppk counts")
     return say(found, [Grid(heads, rows, right=tuple(range(3, 12))), *notes], as_json=as_json)
 

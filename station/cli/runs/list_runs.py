@@ -11,6 +11,7 @@ from rich.console import Console
 from station.documents.entries import plain
 from station.errors import StationError
 from station.records.begun_by import BEGUN, begun_and_left, begun_text
+from station.records.chain.chain_file import Chain
 from station.records.run_record import NOT_CONCLUDED, RunRecord
 from station.run.run_list import RunRow, print_runs, row
 from station.store.attempts import attempts_told
@@ -19,6 +20,9 @@ from station.store.view import View, look_at
 
 NEWEST = 50
 """Runs that are read from their folders each time, so that nothing but folder and chain has a say in what they are."""
+
+MOST_LOOKS = 5
+"""Looks at a folder in which units are measured, as long as something there is in doubt."""
 
 MOST_PROBLEMS = 20
 """Problems that are told; `lostmotion verify` tells all."""
@@ -34,15 +38,19 @@ def list_runs(data: Path, limit: int | None, *, as_json: bool) -> int:
     if not data.is_dir():
         what = "is a file" if data.exists() else "there is no such folder"
         raise StationError(f"--data {data}: {what}; a folder that holds runs is needed, as 'lostmotion run' makes it")
-    with look_at(data) as view:
-        left_out = 0 if limit is None else max(len(view.runs) - limit, 0)
-        rows = list_rows(view, view.runs[left_out:])
+    for _ in range(MOST_LOOKS):
+        before = Chain(data).seen_now()
+        with look_at(data) as view:
+            left_out = 0 if limit is None else max(len(view.runs) - limit, 0)
+            rows = list_rows(view, view.runs[left_out:])
+        if before == Chain(data).seen_now() or not (view.problems or any(one.altered or one.error for one in rows)):
+            break  # else a run was begun or concluded meanwhile, and what is in doubt may only be newer than the look
     if as_json:
         sys.stdout.write(json.dumps(plain(rows), ensure_ascii=False) + "\n")
     elif not rows:
         sys.stdout.write(f"{data}: holds no runs\n")
     else:
-        console = Console()
+        console = Console(markup=False, emoji=False)
         print_runs(console, rows, fits=console.is_terminal)
     stream = sys.stderr if as_json else sys.stdout
     stream.writelines(f"{line}\n" for line in [*_below(view, rows), *_notes(view, left_out)])

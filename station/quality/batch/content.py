@@ -11,7 +11,7 @@ from station.counted import counted
 from station.documents.result import Limits
 from station.errors import StationError
 from station.quality.batch.names import column_of, names_of
-from station.quality.figures import CapabilityRow, capability_of, causes_of, tested_by_others, yield_of
+from station.quality.figures import CapabilityRow, capability_of, causes_of, said_beside, yield_of
 from station.records.run_record import RunRecord
 from station.reports.loop_curves import FALLING, RISING, Line, loop_curves
 from station.reports.result_text import limits_text, unit_text
@@ -95,7 +95,7 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
     notes = ["VIRTUAL: units of the virtual bench"] if lot.virtual else []
     notes += [f"not in the store yet: {counted(behind, 'run')}"] if behind else []
     notes += [f"not drawn: {counted(without, 'loop')}"] if without else []
-    notes += [text for row in capability for text in tested_by_others(row, names[row.metric])]
+    notes += [text for row in capability for text in said_beside(row, names[row.metric])]
     facts = (
         ("Recipe", lot.recipe or ""), ("Model", lot.model or "any"), ("Bench", lot.bench or "any"),
         ("First attempts", str(first.of)), ("Units with a valid first measurement", str(len(by_run))),
@@ -161,7 +161,7 @@ def _summary(
 
 def _remark(key: tuple[Characteristic, str], capability: Sequence[CapabilityRow]) -> str:
     """Return what a reader must know of the indices in a row."""
-    return "; ".join(text for row in capability if (row.metric, row.side) == key for text in tested_by_others(row, ""))
+    return "; ".join(text for row in capability if (row.metric, row.side) == key for text in said_beside(row, ""))
 
 
 def _loops(

@@ -13,7 +13,7 @@ from station.bench.files import load_named_bench
 from station.documents.validation import OPEN, PERFORMANCE, STATED, Evidence, judged
 from station.errors import StationError
 from station.quality.bench_ability import Part, due_on, type_one_of
-from station.quality.figures import capability_of, tested_by_others, yield_of
+from station.quality.figures import capability_of, said_beside, yield_of
 from station.records.data_folder import Store
 from station.store.quality.lot import Lot, production
 from station.wall_clock import WALL_CLOCK
@@ -180,5 +180,6 @@ def _process(data: Path, lot: Lot) -> Iterator[Evidence]:
             continue
         found = row.found
         told = f"{name}: Cpk {found.within.nearest:.2f} ({found.cpk_low:.2f} … {found.cpk_high:.2f})"
-        told = "; ".join([f"{told}, {found.values} values", *tested_by_others(row, "")])
-        yield _of(asked, _marked(told, lot), judged(found.within.nearest >= LEAST_CPK), again)
+        told = "; ".join([f"{told}, {found.values} values", *said_beside(row, "")])
+        met = found.within.nearest >= LEAST_CPK
+        yield _of(asked, _marked(told, lot), OPEN if met and row.without else judged(met), again)

@@ -104,6 +104,9 @@ Fields = dict[str, Any]
 """An entry's fields as they stand in its line: what a later version wrote is signed and hashed as it was."""
 
 SIGNATURE = b',"signature":"'
+BEGINS, ENDS = b'{"kind":"', b'"}'
+"""How the line of every entry begins and ends."""
+
 ESCAPED = b"\\u"
 """What stands in a line before the number of a character that is not written as itself."""
 
@@ -183,6 +186,15 @@ def object_in(line: bytes) -> Fields | None:
     except (ValueError, RecursionError):
         return None
     return fields if isinstance(fields, dict) else None
+
+
+def is_torn(line: bytes) -> bool:
+    """Whether a line that is no object of JSON is the beginning of an entry, as far as a power failure left it.
+
+    Of what did not come to the disk some file systems leave zeros, or nothing but them.
+    """
+    kept = line.rstrip(b"\0")
+    return kept[: len(BEGINS)] == BEGINS[: len(kept)] and not kept.endswith(ENDS)
 
 
 def _sound(line: bytes, fields: Fields) -> bool:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import io
+import textwrap
+import unicodedata
 from collections.abc import Sequence
 from typing import Any
 
@@ -20,6 +22,8 @@ INK, GRID, RAW = "#1f2933", "#d9dee4", "#c3ccd5"
 LOADING, UNLOADING, MEAN, LIMIT = "#0b6e99", "#c2571a", "#1f2933", "#b00020"
 SIZE_INCH = (8.4, 5.6)
 MOST_POINTS = 6000
+MOST_LETTERS = 84
+"""Letters of a title that have room side by side; of those that are twice as wide, as Chinese ones, half as many."""
 
 STYLE: Any = {
     "font.family": "DejaVu Sans",
@@ -47,13 +51,24 @@ def loop_figure(history: History | None, analysis: Result | None, method: Method
             _zoom(axes, analysis, method)
         axes.set_xlabel("torque at the output  [N·m]")
         axes.set_ylabel("wind-up at the output  [arcmin]")
-        axes.set_title(title, loc="left", fontsize=11, fontweight="bold")
+        axes.set_title(in_lines(title), loc="left", fontsize=11, fontweight="bold", parse_math=False)
         axes.grid(color=GRID, linewidth=0.6)
         axes.axhline(0, color=INK, linewidth=0.7)
         axes.axvline(0, color=INK, linewidth=0.7)
         if axes.get_legend_handles_labels()[0]:
             axes.legend(loc="lower right", frameon=True, framealpha=0.9, edgecolor=GRID, fontsize=8.5)
     return figure
+
+
+def in_lines(title: str) -> str:
+    """Return a title with its lines broken where they would be wider than the picture, which would shrink beside them.
+
+    Whoever draws it draws it with `parse_math=False`: a unit may be named with two dollar signs.
+    """
+    wide = any(unicodedata.east_asian_width(sign) in "WF" for sign in title)
+    letters = MOST_LETTERS // 2 if wide else MOST_LETTERS
+    lines = title.split("\n")
+    return "\n".join(line if len(line) <= letters else textwrap.fill(line, letters) for line in lines)
 
 
 def png(figure: Figure) -> bytes:

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from definitions.image import State
 from station.records.samples.event_log import state_name
 from station.records.samples.history import History
-from station.reports.figures.loop_plot import GRID, LIMIT, LOADING, STYLE, UNLOADING
+from station.reports.figures.loop_plot import GRID, LIMIT, LOADING, STYLE, UNLOADING, in_lines
 
 SIZE_INCH = (8.4, 4.6)
 MOST_POINTS = 4000
@@ -62,7 +62,7 @@ def time_figure(history: History, title: str) -> Figure:
         grid[0, 0].set_title("whole run", loc="left", fontsize=9)
         if columns == 2:
             grid[0, 1].set_title(f"±{AROUND_S:g} s around the alarm", loc="left", fontsize=9)
-        figure.suptitle(title, x=0.01, ha="left", fontsize=11, fontweight="bold")
+        figure.suptitle(in_lines(title), x=0.01, ha="left", fontsize=11, fontweight="bold", parse_math=False)
     return figure
 
 
@@ -96,6 +96,7 @@ def _column(column: list[Axes], history: History, *, zoomed: bool) -> None:
             color=LIMIT,
             fontsize=8,
             fontweight="bold",
+            parse_math=False,
         )
         said.set_in_layout(False)
 

@@ -65,7 +65,7 @@ class Progress:
     ) -> None:
         self._reader, self.title = reader, title
         self._stream = stream or sys.stdout
-        self._console = Console(file=self._stream)
+        self._console = Console(file=self._stream, markup=False, emoji=False)
         self._live: Live | None = None
         self._last: State | None = None
         self._say_alarms = say_alarms
@@ -142,4 +142,5 @@ def panel(view: LiveView, title: str) -> Panel:
     ]
     parts += [Text(f"▲ {alarm}", style="bold red") for alarm in view.alarms]
     parts += [Text(f"· {note}", style="cyan") for note in view.notes]
-    return Panel(Group(*parts), title=title, border_style=colour.removeprefix("bold "), padding=(1, 2), width=78)
+    border = colour.removeprefix("bold ")
+    return Panel(Group(*parts), title=Text(title), border_style=border, padding=(1, 2), width=78)

@@ -19,7 +19,7 @@ from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, func,
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
 from station.records.chain.walk import trust_of
-from station.store.outbox import catch_up
+from station.store.outbox import catch_up, hold_up
 from station.store.plant.hours import COMPLETE, between_hours, whole_hours
 from station.store.stored_runs import NO_LIMIT, is_trusted, total_of, trusted
 from station.store.tables import RUN_HOURS, RUNS
@@ -204,7 +204,7 @@ def production(data: Path, *, most_s: float | None = None) -> Iterator[Productio
     chain = Chain(data)
     database = opened(data)
     try:
-        behind = catch_up(database, chain, most_s=most_s)
+        behind = catch_up(database, chain, most_s=most_s) or hold_up(database, chain, most_s=most_s)
         trust = trust_of(chain)
         with database.reading() as connection:
             yield Production(chain, connection, tuple(trust.keys), is_trusted(None, chain, trust), behind)

@@ -7,6 +7,7 @@ from station.web.actions.row import Call, NotNowError
 from station.web.actions.values import LabelOfRun, LabelTold, NoLabel, Scanned
 from station.web.labels import outbox
 from station.web.labels.settings import Labels
+from station.web.people.badges import refuse_badge
 
 
 def awaited_label(call: Call) -> str:
@@ -18,6 +19,7 @@ def awaited_label(call: Call) -> str:
 def read_label(call: Call, given: Scanned) -> LabelTold:
     """Note that the awaited label was read on its unit; NotNowError: it is another one."""
     labels = _labels(call)
+    refuse_badge(call.station.settings, given.scanned)
     try:
         found = outbox.read_back(call.connection, call.station.data, labels, given.scanned, call.person.name)
     except StationError as error:

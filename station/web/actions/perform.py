@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import hmac
 import json
 from threading import Lock
 
@@ -32,6 +31,7 @@ from station.web.actions.values import Outcome, Refused, Values, refusal
 from station.web.bypasses import BypassError
 from station.web.people import audit
 from station.web.people.accounts import AccountError, EntryRefusedError, Session, brings_token, count_wrong, session_of
+from station.web.people.badges import digest_with, is_badge
 from station.web.people.database import ANSWERS
 from station.web.recipe_text.check import BadRecipeError
 from station.web.scanner import ScanError
@@ -40,6 +40,9 @@ from station.web.station import Station
 LONGEST_KEY = 64
 KEPT_S = 24 * 3600.0
 """How long an answer is kept for whoever asks the same again."""
+
+A_BADGE = "a badge"
+"""Stands in the audit trail in the place of the number of a badge."""
 
 _ONE_AT_A_TIME = Lock()
 
@@ -58,7 +61,7 @@ def perform(  # noqa: PLR0917 - one request, as it came
                 if session is None:
                     answer = Answer(NOT_ENTERED, refusal("not_entered", "Log in first."))
                 else:
-                    answer = _performed(station, connection, session, row, csrf, key, values)
+                    answer = _performed(Call(station, connection, session), row, csrf, key, values)
                 if note is not None:
                     audit.end(connection, note)
             return answer
@@ -77,7 +80,7 @@ def perform_here(station: Station, session: Session, action_id: str, values: Jso
             note = None
             if row.reaches_out:
                 with station.database.writing() as connection:
-                    note = _note_of(connection, session, row, values)
+                    note = _note_of(Call(station, connection, session), row, values)
             with station.database.writing() as connection:
                 audit.tell_cut_off(connection, but=note)
                 answer = _done(Call(station, connection, session), row, values)
@@ -99,7 +102,8 @@ def refuse_here(
     """
     row = ACTIONS[action_id]
     with _ONE_AT_A_TIME, station.database.writing() as connection:
-        _refused(connection, session, row, NOT_NOW, reasons, row.needs.model_validate(values))
+        call = Call(station, connection, session)
+        _refused(call, row, NOT_NOW, reasons, row.needs.model_validate(values))
 
 
 def _noted(station: Station, row: Action, token: str | None, csrf: str | None, values: JsonValue) -> int | None:
@@ -110,45 +114,43 @@ def _noted(station: Station, row: Action, token: str | None, csrf: str | None, v
         session = session_of(connection, token)
         if session is None or not brings_token(session, csrf) or session.person.role not in row.roles:
             return None
-        return _note_of(connection, session, row, values)
+        return _note_of(Call(station, connection, session), row, values)
 
 
-def _note_of(connection: Connection, session: Session, row: Action, values: JsonValue) -> int | None:
+def _note_of(call: Call, row: Action, values: JsonValue) -> int | None:
     try:
         given = row.needs.model_validate({} if values is None else values)
     except ValidationError:
         return None
-    return audit.begin(connection, session.person.name, row.id, _told(session, row, given))
+    return audit.begin(call.connection, call.person.name, row.id, _told(call, row, given))
 
 
-def _told(session: Session, row: Action, given: Values) -> Plain:
-    """Return what stands in the audit trail of what an action is asked with; of a long text its hash."""
+def _told(call: Call, row: Action, given: Values) -> Plain:
+    """Return what stands in the audit trail of what an action is asked with; of a long text its hash.
+
+    The number of a badge that was scanned in the place of a unit does not stand there.
+    """
     told: Plain = given.model_dump(include=set(row.audited))
-    told |= {"at": session.place} if session.place else {}
+    told |= {"at": call.session.place} if call.session.place else {}
+    if is_badge(call.station.settings, str(told.get("scanned", ""))):
+        told["scanned"] = A_BADGE
     text = getattr(given, "text", None)
     return told if text is None else told | {"text_sha256": hashlib.sha256(text.encode()).hexdigest()}
 
 
-def _performed(  # noqa: PLR0917 - as above
-    station: Station,
-    connection: Connection,
-    session: Session,
-    row: Action,
-    csrf: str | None,
-    key: str | None,
-    values: JsonValue,
-) -> Answer:
+def _performed(call: Call, row: Action, csrf: str | None, key: str | None, values: JsonValue) -> Answer:
+    connection, session = call.connection, call.session
     if not brings_token(session, csrf):
-        return _refused(connection, session, row, NOT_ALLOWED, [("csrf", "The page is out of date. Reload it.")])
+        return _refused(call, row, NOT_ALLOWED, [("csrf", "The page is out of date. Reload it.")])
     if not _is_text(values):
-        return _refused(connection, session, row, BAD_INPUT, [("body", "It has characters that are no Unicode text.")])
+        return _refused(call, row, BAD_INPUT, [("body", "It has characters that are no Unicode text.")])
     if not key or len(key) > LONGEST_KEY or not key.isascii() or not key.isprintable():
         words = f"The request needs the header Idempotency-Key: 1 to {LONGEST_KEY} printable ASCII characters."
         return Answer(BAD_INPUT, refusal("idempotency_key", words))
-    asked = _asked(session, row, values)
+    asked = _asked(session.person.name, row, key, values)
     if (before := _answered(connection, row, key, session.person.name, asked)) is not None:
         return before
-    answer = _done(Call(station, connection, session), row, values)
+    answer = _done(call, row, values)
     now_s = WALL_CLOCK.now().timestamp()
     connection.execute(delete(ANSWERS).where(ANSWERS.c.at_s < now_s - KEPT_S))
     keep = {"key": key, "name": session.person.name, "asked_hmac": asked, "at_s": now_s}
@@ -156,9 +158,13 @@ def _performed(  # noqa: PLR0917 - as above
     return answer
 
 
-def _asked(session: Session, row: Action, values: JsonValue) -> str:
-    text = json.dumps([row.id, values], sort_keys=True)
-    return hmac.new(session.token.encode(), text.encode(), hashlib.sha256).hexdigest()
+def _asked(name: str, row: Action, key: str, values: JsonValue) -> str:
+    """Return by what a request is known again, from any session of its account; a secret in it is slow to guess."""
+    text = json.dumps([name, row.id, values], sort_keys=True)
+    asked = hashlib.sha256(text.encode()).hexdigest()
+    if not row.is_secret:
+        return asked
+    return digest_with(hashlib.sha256(json.dumps([name, key]).encode()).digest(), asked)
 
 
 def _is_text(values: JsonValue) -> bool:
@@ -184,13 +190,13 @@ def _answered(connection: Connection, row: Action, key: str, name: str, asked: s
 
 
 def _done(call: Call, row: Action, values: JsonValue) -> Answer:
-    connection, session, person = call.connection, call.session, call.person
+    connection, person = call.connection, call.person
     if person.role not in row.roles:
         words = f"{person.role} may not do this ({row.text}); allowed: {', '.join(sorted(row.roles))}."
-        return _refused(connection, session, row, NOT_ALLOWED, [("role", words)])
+        return _refused(call, row, NOT_ALLOWED, [("role", words)])
     if person.must_change and not row.with_first_password:
         words = "Change the first password, then log in again."
-        return _refused(connection, session, row, NOT_ALLOWED, [("must_change", words)])
+        return _refused(call, row, NOT_ALLOWED, [("must_change", words)])
     given = None
     try:
         given = row.needs.model_validate({} if values is None else values)
@@ -200,8 +206,8 @@ def _done(call: Call, row: Action, values: JsonValue) -> Answer:
     except (ValidationError, StationError) as error:
         if isinstance(error, EntryRefusedError):
             count_wrong(connection, person.name)
-        return _refused(connection, session, row, *_why(error), given)
-    told = _told(session, row, given) | found.model_dump(include=set(row.tells))
+        return _refused(call, row, *_why(error), given)
+    told = _told(call, row, given) | found.model_dump(include=set(row.tells))
     told |= {"before": before, "after": _seen(row, call, given)}
     audit.write(connection, person.name, row.id, audit.DONE, told)
     return Answer(OK, found.model_copy(update={"done": row.id}))
@@ -238,12 +244,10 @@ def _why(error: ValidationError | StationError) -> tuple[int, list[tuple[str, st
     return status, [(name, str(error))]
 
 
-def _refused(  # noqa: PLR0917 - one line of the trail
-    connection: Connection, session: Session, row: Action, status: int, reasons: list[tuple[str, str]],
-    given: Values | None = None,
-) -> Answer:  # fmt: skip
-    told = {} if given is None else _told(session, row, given)
-    audit.write(
-        connection, session.person.name, row.id, audit.REFUSED, {**told, "reasons": [name for name, _ in reasons]}
-    )
+def _refused(
+    call: Call, row: Action, status: int, reasons: list[tuple[str, str]], given: Values | None = None
+) -> Answer:
+    told = {} if given is None else _told(call, row, given)
+    told |= {"reasons": [name for name, _ in reasons]}
+    audit.write(call.connection, call.person.name, row.id, audit.REFUSED, told)
     return Answer(status, Refused.because(reasons))

@@ -56,6 +56,10 @@ class Call:
         return None if self.person.name == self.session.place else self.person.name
 
 
+SECRETS = frozenset({"password", "old_password", "new_password", "pin", "badge", "scanned"})
+"""Values that are secret, or may be: the number of a badge may be scanned in the place of a unit."""
+
+
 class Action(NamedTuple):
     """One row: id, roles, what it needs, what it does, what that answers, and what stands in the audit trail.
 
@@ -75,3 +79,8 @@ class Action(NamedTuple):
     with_first_password: bool = False
     tells: tuple[str, ...] = ()
     reaches_out: bool = False
+
+    @property
+    def is_secret(self) -> bool:
+        """Whether it is asked with a secret, which is nowhere kept so that it can be guessed quickly."""
+        return not SECRETS.isdisjoint(self.needs.model_fields)

@@ -26,6 +26,7 @@ from station.web.bad_units import may_be_bad, unconfirmed
 from station.web.bypasses import bypasses_now
 from station.web.mes.previous_step import announce, heard, previous_step
 from station.web.people.accounts import MES
+from station.web.people.badges import refuse_badge
 from station.web.people.database import CONFIRMED
 from station.web.permission import CLOCK, Situation, Wanted, refusals, situation_of, unverified_note
 from station.web.running import STARTING
@@ -61,7 +62,9 @@ def start_run(call: Call, given: Start) -> RunStarted:
 
 
 def _situation(call: Call, given: Start) -> Situation:
-    station, serial = call.station, serial_of(given.scanned)
+    station = call.station
+    refuse_badge(station.settings, given.scanned)
+    serial = serial_of(given.scanned)
     step = None if station.mes is None else previous_step(call.connection, station.mes, serial)
     wanted = Wanted(serial, given.retest_reason, given.study, call.operator or "")
     return situation_of(

@@ -29,6 +29,7 @@ from station.web.pages.operator_text import badge_line, named, shown_of, why_tex
 from station.web.pages.quality_figures import Options
 from station.web.pages.words import VERDICTS, attempts_said, local, refusal_said
 from station.web.people.accounts import Session, session_of
+from station.web.people.badges import is_badge
 from station.web.running import ENDED
 from station.web.running import RUNNING as IS_RUNNING
 from station.web.scanner import is_nok
@@ -230,7 +231,7 @@ class _Page:
 
     async def _scanned(self, event: Any) -> None:
         text, settings = str(event.args.get("text", "")), self._station.settings
-        if settings.is_badge(text):
+        if is_badge(settings, text):
             # Kept by the browser for the page of the log-in alone: an address would keep it in its history.
             ui.run_javascript(f"sessionStorage.setItem('badge', {json.dumps(text)}); location.href = '/enter'")
             return
@@ -312,7 +313,7 @@ class _Page:
     def _typed(self, event: Any) -> None:
         """Say that what came is no scan; what already stands there about one goes."""
         text = str(event.args)[:60]
-        if not self._station.settings.is_badge(text):  # half of a log-in: it stands on no screen
+        if not is_badge(self._station.settings, text):  # half of a log-in: it stands on no screen
             self._say(Answer(BAD_INPUT, refusal("scan", TYPED)), text)
 
     def _tell(self, text: str, **values: object) -> None:

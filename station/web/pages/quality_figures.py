@@ -20,7 +20,7 @@ from station.quality.figures import (
     ChartFigure,
     TrendFigure,
     YieldFigure,
-    tested_by_others,
+    said_beside,
 )
 from station.reports.result_text import limits_text, minus, unit_text
 from station.store.quality.values import Characteristic
@@ -266,11 +266,14 @@ HEADS = (
 STANDINGS = {"FAIL": "■ not capable", "OPEN": "▲ below 1.33"}
 """What is said of a capability that is too small, by the style of its row."""
 
+OTHER_SIDE_UNKNOWN = "▲ other side not known"
+"""Said of a metric of which one side has no indices: it may be the worse one."""
+
 JUDGED_BY = "All values are judged by the limits of the newest run, whichever limits they were tested by."
 
 
 def _others(row: CapabilityRow, say: Words) -> list[str]:
-    return [say(one) for one in tested_by_others(row, side_title(row.metric, row.side, say))]
+    return [say(one) for one in said_beside(row, side_title(row.metric, row.side, say))]
 
 
 def _capability_row(row: CapabilityRow, say: Words) -> str:
@@ -280,6 +283,9 @@ def _capability_row(row: CapabilityRow, say: Words) -> str:
     if one is None:
         return f'<tr class="OPEN"><td>{escape(name)}</td><td class="n">{escape(limit)}</td><td colspan="6">{escape(say(row.why))}</td></tr>'  # noqa: E501
     style = "FAIL" if one.overall.nearest < 1.0 else "OPEN" if one.overall.nearest < CAPABLE else ""
+    word = f" {escape(say(STANDINGS[style]))}" if style else ""
+    if row.without:
+        style, word = style or "OPEN", f"{word} {escape(say(OTHER_SIDE_UNKNOWN))}"
     mean = _figure(one.mean, (one.mean - one.sd_overall, one.mean + one.sd_overall))
     cells = [
         limit, str(one.values), mean,
@@ -287,7 +293,6 @@ def _capability_row(row: CapabilityRow, say: Words) -> str:
         _index(one.overall.both), _nearest(one.overall.nearest, one.ppk_low, one.ppk_high),
     ]  # fmt: skip
     body = "".join(f'<td class="n">{escape(minus(cell))}</td>' for cell in cells)
-    word = f" {escape(say(STANDINGS[style]))}" if style else ""
     return f'<tr class="{style}"><td>{escape(name)}<b>{word}</b></td>{body}</tr>'
 
 

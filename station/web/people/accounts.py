@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import hmac
 import secrets
+import unicodedata
 from base64 import b64encode
 from dataclasses import dataclass
 from pathlib import Path
@@ -138,7 +139,7 @@ def add_person(connection: Connection, name: str, role: str, password: str) -> N
     """Add an account whose password has to be changed at the first entry.
 
     Raises:
-        AccountError: the name, role or password is not allowed, or the name is taken.
+        AccountError: the name, role or password is not allowed, or the name is taken, or looks like one that is.
 
     """
     if not is_name(name):
@@ -146,10 +147,18 @@ def add_person(connection: Connection, name: str, role: str, password: str) -> N
     if role not in ROLES:
         raise AccountError(f"role: found {role[:40]!r}; allowed are {', '.join(ROLES)}")
     _check_password(password)
-    if connection.execute(select(PEOPLE.c.name).where(PEOPLE.c.name == name)).first() is not None:
+    there = list(connection.execute(select(PEOPLE.c.name)).scalars())
+    if name in there:
         raise AccountError(f"name: {name} is taken. Choose another name")
+    if alike := [one for one in there if _folded(one) == _folded(name)]:
+        raise AccountError(f"name: {name} looks like {alike[0]}, who has an account. Choose another name")
     values = {"name": name, "role": role, "password": _HASHER.hash(password)}
     connection.execute(insert(PEOPLE).values(**values, must_change=True, failed=0, disabled=False))
+
+
+def _folded(name: str) -> str:
+    """Return a name without what is hardly seen in it: capitals, and how its characters are put together."""
+    return unicodedata.normalize("NFKC", unicodedata.normalize("NFKC", name).casefold())
 
 
 def is_name(name: str) -> bool:

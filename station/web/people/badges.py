@@ -4,14 +4,18 @@ A badge number is no secret: it is printed on the badge. So a badge alone opens 
 operators in with it (`operator_by_badge_alone`); no other role ever. The PIN, or the account's password, goes with it.
 Numbers are kept as Argon2id hashes with a salt of this station, which lets a badge be found by its number and makes
 guessing numbers from a stolen file slow; PINs with a salt each, as passwords. Wrong PINs count as wrong passwords do.
+A scanner may send the identifier of the symbology in front of a number: it is no part of it. Of badges that were given
+with it the hash holds it, so what was scanned is looked up as it came first.
 """
 
 from __future__ import annotations
 
+import re
 import secrets
+from typing import Any
 
 from argon2.low_level import Type, hash_secret_raw
-from sqlalchemy import Connection, delete, insert, select, update
+from sqlalchemy import Connection, Row, Select, delete, insert, select, update
 
 from station.web.people.accounts import (
     CHECK_NAME,
@@ -30,6 +34,8 @@ from station.web.people.accounts import (
     locked_out,
 )
 from station.web.people.database import BADGE_SALT, BADGES, PEOPLE, StationDatabase
+from station.web.scanner import ScanError, without_identifier
+from station.web.settings import Settings
 
 LEAST_PIN, LONGEST_PIN = 4, 12
 LEAST_BADGE, LONGEST_BADGE = 4, 64
@@ -46,6 +52,18 @@ class PinNeededError(EntryRefusedError):
     """The badge was read, and the PIN is missing; the same is said of a badge that nobody has."""
 
 
+def is_badge(settings: Settings, scanned: str) -> bool:
+    """Say whether what was scanned is a badge number by the syntax of the site, with or without an identifier."""
+    syntax, read = settings.badge, (scanned, scanned.strip(), without_identifier(scanned))
+    return syntax is not None and any(re.fullmatch(syntax, one) for one in read)
+
+
+def refuse_badge(settings: Settings, scanned: str) -> None:
+    """Refuse a badge in the place of what is on the bench; its number stands in nothing that is said. ScanError."""
+    if is_badge(settings, scanned):
+        raise ScanError("this is a badge. Scan the code of the unit")
+
+
 def assign_badge(connection: Connection, name: str, badge: str, pin: str) -> None:
     """Give a person a badge with a PIN; one that the person had before is withdrawn.
 
@@ -57,10 +75,12 @@ def assign_badge(connection: Connection, name: str, badge: str, pin: str) -> Non
     check_pin(pin)
     if connection.execute(select(PEOPLE.c.name).where(PEOPLE.c.name == name)).first() is None:
         raise AccountError(f"name: there is no account {name[:40]!r}. {CHECK_NAME}")
-    digest = _digest(connection, number)
-    owner = connection.execute(select(BADGES.c.name).where(BADGES.c.digest == digest)).scalar()
-    if owner not in (None, name):
-        raise AccountError(f"badge: belongs to {owner}. Withdraw it first with withdraw_badge")
+    digest = digest_with(_salt(connection), number)
+    for read in _read(badge):
+        there = digest_with(_salt(connection), read)
+        owner = connection.execute(select(BADGES.c.name).where(BADGES.c.digest == there)).scalar()
+        if owner not in (None, name):
+            raise AccountError(f"badge: belongs to {owner}. Withdraw it first with withdraw_badge")
     connection.execute(delete(BADGES).where(BADGES.c.name == name))
     connection.execute(insert(BADGES).values(name=name, digest=digest, pin=hashed(pin)))
 
@@ -100,16 +120,16 @@ def enter_by_badge(
     try:
         with database.writing() as connection:
             salt = _salt(connection)
-        digest = _digest_with(salt, badge.strip()[:LONGEST_BADGE])
+        digests = [digest_with(salt, read[:LONGEST_BADGE]) for read in _read(badge)]
         wanted = select(PEOPLE, BADGES.c.pin, BADGES.c.digest).join(BADGES, BADGES.c.name == PEOPLE.c.name)
         with database.reading() as connection:
-            before = connection.execute(wanted.where(BADGES.c.digest == digest)).first()
+            before = _first(connection, wanted, digests)
         kept = NOBODY if before is None else before.pin
         right = bool(secret) and (fits(kept, secret) or (before is not None and fits(before.password, secret)))
     finally:
         CHECKS.release()
     with database.writing() as connection:
-        row = connection.execute(wanted.where(BADGES.c.digest == digest)).first()
+        row = _first(connection, wanted, digests)
         if not secret and not (operator_alone and row is not None and row.role == OPERATOR):
             return PinNeededError("Enter the PIN of the badge.")
         if row is None or row.disabled:
@@ -126,8 +146,8 @@ def enter_by_badge(
 
 
 def check_badge(badge: str) -> str:
-    """Return a badge number without blanks around it; AccountError where it is none."""
-    number = badge.strip()
+    """Return a badge number without what a scanner sends around it; AccountError where it is none."""
+    number = _read(badge)[-1]
     if not (LEAST_BADGE <= len(number) <= LONGEST_BADGE and number.isascii() and number.isprintable()):
         allowed = f"{LEAST_BADGE} to {LONGEST_BADGE} printable ASCII characters"
         raise AccountError(f"badge: has {len(number)} characters; allowed are {allowed}. Scan the badge")
@@ -152,10 +172,17 @@ def _salt(connection: Connection) -> bytes:
     return bytes.fromhex(found)
 
 
-def _digest(connection: Connection, number: str) -> str:
-    return _digest_with(_salt(connection), number)
+def _read(badge: str) -> tuple[str, ...]:
+    """Return how a badge may have been given that is scanned so: as it comes, then without an identifier."""
+    return tuple(dict.fromkeys((badge.strip(), without_identifier(badge).strip())))
 
 
-def _digest_with(salt: bytes, number: str) -> str:
+def _first(connection: Connection, wanted: Select[Any], digests: list[str]) -> Row[Any] | None:
+    found = (connection.execute(wanted.where(BADGES.c.digest == one)).first() for one in digests)
+    return next((row for row in found if row is not None), None)
+
+
+def digest_with(salt: bytes, number: str) -> str:
+    """Return the hash of a secret that may be short, as slow to guess as a badge number."""
     secret = number.encode(errors="replace")[: LONGEST_PASSWORD * 4]
     return hash_secret_raw(secret, salt, PASSES, MEMORY_KIB, LANES, DIGEST_BYTES, Type.ID).hex()

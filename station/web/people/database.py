@@ -97,7 +97,7 @@ ANSWERS = Table(
 )  # fmt: skip
 """Answers by the key of their request: who asks again is told again, and nothing is done twice.
 
-What was asked may hold a password, so it is kept as an HMAC whose key, the token of the session, stands nowhere here.
+What was asked may hold a password, so where it may its hash is as slow to guess as that of a badge number.
 """
 
 CONFIRMED = Table(

@@ -91,7 +91,6 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
     app.add_exception_handler(HTTPException, _refuse_request)
     app.add_exception_handler(StationError, _not_ready)
     _add_entry(app, station, secure=secure)
-    _add_readings(app, station)
 
     def refuse(token: str | None) -> Response | None:
         found = _session(station, token)
@@ -101,6 +100,7 @@ def rest_of(station: Station, *, secure: bool) -> FastAPI:
             return refused_with(NOT_ALLOWED, "must_change", "Choose a password of your own first.")
         return None
 
+    _add_readings(app, station, refuse)
     add_runs(app, station, refuse)
     add_run_table(app, station, refuse)
     add_certificates(app, station, refuse)
@@ -157,11 +157,11 @@ def _add_entry(app: FastAPI, station: Station, *, secure: bool) -> None:
         return not_entered() if found is None else _me(found)
 
 
-def _add_readings(app: FastAPI, station: Station) -> None:
-    @app.get("/api/now", summary="state of the bench", tags=["bench"], **answers(200, 401, 503))
+def _add_readings(app: FastAPI, station: Station, refuse: Callable[[str | None], Response | None]) -> None:
+    @app.get("/api/now", summary="state of the bench", tags=["bench"], **answers(200, 401, 403, 503))
     def now(token: CookieToken = None) -> Response:
-        if _session(station, token) is None:
-            return not_entered()
+        if (why_not := refuse(token)) is not None:
+            return why_not
         found = station.running.now()
         with station.database.reading() as connection:
             bypasses = [str(one) for one in bypasses_now(connection)]
@@ -186,11 +186,11 @@ def _add_readings(app: FastAPI, station: Station) -> None:
 
     @app.get(
         "/api/bench", summary="inputs, outputs, interlocks and alarms of the bench, and the recovery after a fault",
-        tags=["bench"], **answers(200, 401, 503),
+        tags=["bench"], **answers(200, 401, 403, 503),
     )  # fmt: skip
     def bench(token: CookieToken = None) -> Response:
-        if _session(station, token) is None:
-            return not_entered()
+        if (why_not := refuse(token)) is not None:
+            return why_not
         seen, standing = station.bench.look(), station.bench.standing()
         return JSONResponse({"seen": plain(seen), "way_back": plain(standing)})
 

@@ -279,6 +279,9 @@ def test_questions_in_sql_read_the_archive_and_nothing_else(archived: Path, tmp_
     ):
         with pytest.raises(ArchiveError, match="runs, metrics"):
             ask(place, sql, 9)
+    for nothing in ("", " ", ";", "-- a remark"):
+        with pytest.raises(ArchiveError, match="is empty"):
+            ask(place, nothing, 9)
     told = here("archive", "ask", "SELECT serial FROM runs ORDER BY 1", "--csv", "--data", str(data))
     assert told.out.splitlines()[:2] == ["serial", "R"]
 

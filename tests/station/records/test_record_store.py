@@ -90,6 +90,24 @@ def test_run_ids_sort_by_time_also_after_the_clock_was_set_back(tmp_path: Path, 
     assert store.find("last").id == created[-1], "the recovery after a fault reads how the newest run was left"
 
 
+@pytest.mark.parametrize("years", [9, 11, 26, 56])
+def test_run_ids_sort_by_time_also_where_an_empty_battery_has_set_the_clock_back(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, years: int
+) -> None:
+    store = Store(tmp_path)
+    created = [new_run(store, "Z").id]
+    clock = WallClock()
+    clock.step(-years * 365.25 * 86400.0)
+    monkeypatch.setattr(station.records.data_folder, "WALL_CLOCK", clock)
+    created += [new_run(store, serial).id for serial in ("A", "Z")]
+    assert [run.id for run in store.runs()] == created
+    assert store.find("Z").id == created[-1], "the newest attempt is the one that counts"
+    shutil.rmtree(tmp_path / created.pop())
+    created.append(new_run(store, "M").id)
+    assert [run.id for run in store.runs()] == created
+    assert store.find("last").id == created[-1], "the recovery after a fault reads how the newest run was left"
+
+
 @pytest.mark.parametrize("serial", ["../../etc", "a b/c:d", ".hidden", "ÄÖ-7", "x" * 128])
 def test_any_serial_stays_inside_the_folder(tmp_path: Path, serial: str) -> None:
     store = Store(tmp_path)

@@ -17,7 +17,7 @@ from station.bench.request import load_job
 from station.records.samples.history import History, history_of
 from station.records.samples.layout import CURRENT
 from station.records.samples.table import Table
-from station.reports.figures.loop_plot import loop_figure
+from station.reports.figures.loop_plot import in_lines, loop_figure, png
 from station.reports.figures.stiffness_plot import stiffness_figure
 from station.reports.figures.time_plot import BANDS, time_figure
 from station.reports.figures.timing_plot import timing_figure
@@ -116,3 +116,21 @@ def test_timing_is_drawn_where_it_was_measured() -> None:
     assert figure is not None
     assert [sum(bar.get_height() for bar in axes.patches) for axes in figure.axes] == [1000, 1000]
     assert timing_figure(timing()) is None
+
+
+@pytest.mark.parametrize("serial", ["SN $\\q$", "SN $x$", "N" * 128, "齿" * 128])
+def test_a_unit_of_any_name_has_its_pictures_with_that_name(serial: str) -> None:
+    told = dataclasses.replace(history(), alarm_text=f"{serial} stopped")
+    loop, time = loop_figure(told, None, method_of(JOB.recipe, JOB.bench), serial), time_figure(told, serial)
+    assert png(loop)
+    assert png(time)
+    shown = loop.axes[0].get_title(loc="left")
+    assert shown.replace("\n", "") == serial
+    assert time.get_suptitle() == shown
+    for figure in (loop, time):
+        assert figure.axes[0].get_window_extent().width > 0.3 * figure.bbox.width, "the title leaves no room"
+
+
+def test_a_title_that_has_room_stays_as_it_is() -> None:
+    for title in ("PASS\nSN 1  rv-40e-121-quick revision 2", " a  b ", "N" * 84, "齿" * 42):
+        assert in_lines(title) == title

@@ -24,7 +24,7 @@ from station.reports.content import checks_line
 from station.reports.headline import remaining_reasons
 from station.reports.html_page import rule_text
 from station.reports.result_notes import MOST_NOTES, check_lines, note_lines, summary_lines
-from station.reports.result_view import metrics_table, titled_name, verdict_panel
+from station.reports.result_view import metrics_table, result_console, show_result, titled_name, verdict_panel
 from station.run.run_list import RunRow, print_runs
 
 ROOT = Path(__file__).parents[3]
@@ -118,6 +118,16 @@ def test_notes_that_matter_are_warnings_and_corrections() -> None:
     odd = "recipe r.yaml:4:3: metrics[0].min: found 'lost_motion' with min alone; usual is a max, the side that decides"
     assert odd in note_lines(result(notes=[*(f"other {number}" for number in range(9)), odd], stages=stages))
     assert note_lines(result()) == []
+
+
+@pytest.mark.parametrize("name", ["[/b]x", "[red]", ":smile:"])
+def test_brackets_and_colons_of_names_are_shown_as_they_are(name: str, capsys: pytest.CaptureFixture[str]) -> None:
+    console = result_console()
+    console.print(f"measured by {name}", highlight=False)
+    show_result(console, result(serial=f"SN{name}", operator=name, record=f"/data/{name}/run"))
+    said = capsys.readouterr().out
+    for text in (f"measured by {name}", f"SN{name}", f"record  /data/{name}/run"):
+        assert text in said
 
 
 def rows() -> list[RunRow]:

@@ -46,6 +46,21 @@ def test_the_panel_shows_state_torque_cycle_and_alarms(state: State) -> None:
         assert part in text
 
 
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("unit", ["SN[/1]", "SN[bold]", "SN:one:", "[SN]"])
+def test_brackets_and_colons_of_a_unit_are_shown_as_they_are_and_end_no_run(unit: str) -> None:
+    job, stream = load_job("rv-40e-121-quick", None), Terminal()
+    with Progress(LiveReader(job.program, angle_out=True), unit, stream) as progress:
+        progress.show(pack((0, 0, 0, 0), IMAGE, ORDERS))
+        progress.say(f"record  /data/{unit}/run")
+    assert f" {unit} " in stream.getvalue()
+    assert f"/data/{unit}/run" in stream.getvalue()
+
+
 def test_a_run_does_not_end_with_the_pipe_that_shows_it() -> None:
     job = load_job("rv-40e-121-quick", None)
     with read_by_nobody() as stream, Progress(LiveReader(job.program, angle_out=True), "SN1", stream) as progress:

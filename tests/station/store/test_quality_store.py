@@ -13,13 +13,17 @@ from analysis.line.capability import capability
 from analysis.metrics.former_wordings import FORMER_DEFINITIONS
 from definitions.metrics import METRICS
 from recipes import RecipeError, load_recipe
+from station.cli.quality.quality import print_capability
 from station.errors import StationError
 from station.quality.bench_ability import Part, stated_tolerance, type_one_of
 from station.quality.dfq.write import dfq_of_lot
 from station.quality.figures import capability_of, causes_of, chart_of, trend_of, yield_of
+from station.quality.validation import performance
 from station.records.run_record import RunRecord
 from station.store.quality.counts import GROUPINGS, Verdicts
 from station.store.quality.lot import Lot, production
+from station.web.languages import ENGLISH, LANGUAGES, words_of
+from station.web.pages.quality_figures import capability_html
 
 COUNT = 24
 VALUES = tuple(0.5 + 0.02 * float(one) for one in np.random.default_rng(5).standard_normal(COUNT))
@@ -157,6 +161,34 @@ def test_values_that_were_tested_by_other_limits_are_counted(tmp_path: Path) -> 
     (other,) = row.by_others
     assert (other.limit_max, other.number, other.revisions) == (1.0, 3, (1,))
     assert sum(one.number for one in row.tested_by) == row.found.values == 5
+
+
+def test_a_side_without_spread_is_told_beside_the_index_of_the_other(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """All values of one side are the same, and worse than those of the other."""
+    for number in range(5):
+        sides = {
+            side: {"value": value, "uncertainty": None, "verdict": "PASS"}
+            for side, value in (("+", 0.5 + number / 100), ("-", 0.999))
+        }
+        store_run(tmp_path, f"U{number}", [metric(0.5 + number / 100, sides=sides)], day=number)
+    with production(tmp_path) as look:
+        figure = capability_of(look, LOT)
+    (row,) = figure.rows
+    assert (row.side, row.others, [side for side, _ in row.without]) == ("+", (), ["-"])
+    assert row.found.overall.nearest > 1.33
+    told = "nothing is known of side -, which has no index. capability: mean 0.999, standard deviation 0; expected"
+    print_capability(tmp_path, LOT, (), 1, 0.95, as_json=False)
+    assert f"lost_motion: {told}" in " ".join(capsys.readouterr().out.split())
+    for language in LANGUAGES:
+        say = words_of(language)
+        html = capability_html(figure, say)
+        assert 'class="OPEN"' in html
+        assert say("▲ other side not known") in html
+        assert (told in html) == (language == ENGLISH)
+    evidence = [one for one in performance._process(tmp_path, LOT) if "Cpk" in one.found]
+    assert [(one.state, told in one.found) for one in evidence] == [(performance.OPEN, True)]
 
 
 def test_runs_that_mean_something_else_are_left_out_and_counted(tmp_path: Path) -> None:

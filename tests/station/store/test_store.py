@@ -33,18 +33,19 @@ from station.records.revisions.revision import hash_of
 from station.records.run_record import RunRecord
 from station.records.seal import sealed_names
 from station.run.run_list import row
-from station.store import tables
+from station.store import outbox, tables
 from station.store import view as view_of
-from station.store.engine import HEAD, VERSIONS, Database, upgrade
+from station.store.engine import HEAD, VERSIONS, Database, StoreError, upgrade
 from station.store.outbox import catch_up, rebuild, remove_runs
 from station.store.places import STORE_URL, StorePlace, store_place
 from station.store.plant.months import is_partition
+from station.store.quality import lot as lot_of
 from station.store.quality.counts import GROUPINGS, Verdicts
 from station.store.quality.guard_bands import GuardBands
 from station.store.quality.lot import Lot, production
 from station.store.quality.trial import Rule, flipped, flips
 from station.store.quality.values import characteristic
-from station.store.rows.projection import seen_files
+from station.store.rows.projection import remove_chain, seen_files
 from station.store.table_counts import all_rows, counts
 from station.store.view import bring_up, look_at, opened
 
@@ -296,6 +297,66 @@ def test_runs_that_are_taken_out_are_put_in_again_from_the_start_of_the_chain(lo
     with look_at(lot) as view:
         remove_runs(view.database, view.chain, view.runs)
     assert rows_in(lot) == before
+
+
+def test_who_looks_while_another_process_makes_the_store_again_sees_all_runs(
+    lot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, again = stored_values(lot, ASK), opened(lot)
+
+    def emptied_behind(module: Any, name: str) -> None:
+        """Have another process begin to make the store again as soon as a look has done this."""
+        done = getattr(module, name)
+
+        def empty(*args: Any, **kwargs: Any) -> Any:
+            found = done(*args, **kwargs)
+            with again.writing() as connection:
+                remove_chain(connection, Chain(lot).id)
+            monkeypatch.setattr(module, name, done)
+            return found
+
+        monkeypatch.setattr(module, name, empty)
+
+    for module, name in ((view_of, "_folders"), (view_of, "_compared"), (view_of, "trust_of")):
+        emptied_behind(module, name)
+        found = stored_values(lot, ASK)
+        assert (found.values, found.left_out) == (whole.values, whole.left_out)
+        emptied_behind(module, name)
+        with look_at(lot) as view:
+            assert view.problems == []
+    with production(lot) as look:
+        verdicts = yield_of(look, Lot())
+    for name in ("catch_up", "trust_of"):
+        emptied_behind(lot_of, name)
+        with production(lot) as look:
+            assert yield_of(look, Lot()) == verdicts
+    again.close()
+
+
+def test_a_run_that_is_concluded_during_a_look_is_no_problem_of_the_folder(
+    lot: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read = view_of.catch_up
+    there = here("list", "--data", str(lot)).out
+
+    def then_measured(*args: Any, **kwargs: Any) -> int:
+        monkeypatch.setattr(view_of, "catch_up", read)
+        left = read(*args, **kwargs)
+        store_run(lot, "NEW", [metric(0.4)], day=40)
+        return left
+
+    monkeypatch.setattr(view_of, "catch_up", then_measured)
+    told = here("list", "--data", str(lot)).out
+    assert "PROBLEM" not in there
+    assert "PROBLEM" not in told
+    assert "altered" not in told
+    assert "NEW" in told
+
+
+def test_a_store_that_is_emptied_all_the_time_is_told(lot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(outbox, "_is_up", lambda *_: False)
+    with pytest.raises(StoreError, match="another process is making the store of runs again"), production(lot):
+        pass
 
 
 @pytest.mark.parametrize("torn", [60, 1])

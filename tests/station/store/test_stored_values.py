@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,22 @@ def test_each_unit_counts_once_when_asked_for(runs: Path) -> None:
         found = stored_values(runs, Ask("lost_motion", recipe="inverse", attempts=which))
         assert {one.serial: one.value for one in found.values}["U0"] == value
         assert len(found.values) == 5
+
+
+@pytest.mark.parametrize("harm", ["deleted", "altered", "damaged"])
+@pytest.mark.parametrize("which", ["first", "last"])
+def test_no_other_attempt_takes_the_place_of_one_that_is_lost(runs: Path, which: str, harm: str) -> None:
+    ask = Ask("lost_motion", recipe="inverse", attempts=which)
+    lost = next(run for run in stored_values(runs, ask).runs() if run.serial() == "U0")
+    if harm == "deleted":
+        shutil.rmtree(lost.folder)
+    else:
+        (lost.folder / ("recipe.yaml" if harm == "altered" else "run.json")).write_bytes(b"changed\n")
+    found = stored_values(runs, ask)
+    assert "U0" not in {one.serial for one in found.values}, "its other attempt is none the less a retest"
+    assert len(found.values) == 4
+    assert f"left out: 1 of units whose {which} run is missing, altered or damaged" in found.notes()
+    assert "U0" in {one.serial for one in stored_values(runs, Ask("lost_motion", recipe="inverse")).values}
 
 
 def test_runs_that_mean_something_else_are_refused(runs: Path) -> None:

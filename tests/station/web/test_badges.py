@@ -121,3 +121,38 @@ def test_a_closed_account_and_one_with_its_first_password_stay_out(station: Stat
         with station.database.writing() as connection:
             connection.execute(update(PEOPLE).where(PEOPLE.c.name == "the operator").values(**change))
         assert entered(station) == (401, "entry")
+
+
+def test_a_badge_is_known_with_the_identifier_of_its_symbology_and_without(station: Station) -> None:
+    settings = Settings(badge="B-[0-9]{6}")
+    assert all(badges.is_badge(settings, one) for one in (BADGE, f"]C0{BADGE}", f" ]C0{BADGE}\r"))
+    assert not any(badges.is_badge(settings, one) for one in ("SN-1", "]C0SN-1", "B-1"))
+    assert not badges.is_badge(Settings(), BADGE)
+    assert badges.is_badge(Settings(badge="]C0B-[0-9]{6}"), f"]C0{BADGE}")
+    with_badge(station)
+    assert entered(station, f"]C0{BADGE}") == (200, "the operator"), "it was typed, or its scanner sends none"
+    given = {"name": "the quality", "badge": f"]C0{BADGE}", "pin": PIN}
+    assert client_of(station, "admin").post("assign_badge", given).status_code == 422, "it is the operator's"
+    assert client_of(station, "admin").post("assign_badge", given | {"name": "the operator"}).status_code == 200
+    assert entered(station) == entered(station, f"]C0{BADGE}") == (200, "the operator")
+
+
+def test_a_badge_that_was_given_with_the_identifier_goes_on_to_let_in(station: Station) -> None:
+    with_badge(station)
+    with station.database.writing() as connection:
+        salt = bytes.fromhex(connection.execute(select(BADGE_SALT.c.salt)).scalar_one())
+        connection.execute(update(BADGES).values(digest=badges.digest_with(salt, f"]C0{BADGE}")))
+    assert entered(station, f"]C0{BADGE}") == (200, "the operator")
+    given = {"name": "the quality", "badge": f"]C0{BADGE}", "pin": PIN}
+    assert client_of(station, "admin").post("assign_badge", given).status_code == 422, "it is the operator's"
+
+
+@pytest.mark.parametrize("action", ["start_run", "ask_permission"])
+@pytest.mark.parametrize("sent", [BADGE, f"]C0{BADGE}"])
+def test_the_number_of_a_badge_in_the_place_of_a_unit_is_kept_nowhere(station: Station, action: str, sent: str) -> None:
+    object.__setattr__(station, "settings", Settings(badge="B-[0-9]{6}"))
+    answer = client_of(station, "admin").post(action, {"scanned": sent})
+    assert (answer.status_code, answer.json()["refused"][0]["id"]) == (422, "scan")
+    assert BADGE not in answer.text
+    with station.database.reading() as connection:
+        assert not any(BADGE in str(line) for line in audit.lines_of(connection, 100))

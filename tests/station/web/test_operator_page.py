@@ -113,6 +113,20 @@ def test_one_scan_without_a_click_comes_to_a_verdict(page: playwright.Page) -> N
     assert page.locator("table.lm tr").count() >= 1
 
 
+@pytest.mark.parametrize("width", [390, 768])
+def test_the_loop_stands_below_the_verdict_and_its_figures_on_a_telephone(enter: Enter, width: int) -> None:
+    page = enter("technician")
+    page.set_viewport_size({"width": width, "height": 844})
+    page.wait_for_selector(".lm-why td")
+    tile, why, loop = (page.locator(one).bounding_box() for one in (".lm-tile", ".lm-why", ".lm-right"))
+    assert tile["y"] + tile["height"] <= why["y"]
+    assert why["y"] + why["height"] <= loop["y"]
+    assert all(one["width"] > 0.9 * width for one in (tile, why, loop))
+    assert loop["height"] >= 384
+    seen = "(one => one.scrollWidth <= one.clientWidth && one.scrollHeight <= one.clientHeight)"
+    assert page.evaluate(f"{seen}(document.querySelector('.lm-why'))"), "no metric is cut"
+
+
 def assert_all_fits(page: playwright.Page) -> None:
     """Two messages and a button below the verdict of BAD-1, in the longest language too: nothing is cut off."""
     for language, code in (("Deutsch", "de"), ("English", "en")):
@@ -277,6 +291,24 @@ def test_the_bar_is_one_line_on_a_smaller_screen_too(enter: Enter, width: int) -
     page.wait_for_function("() => document.querySelector('.lm-bar').offsetHeight < 60")
     assert page.evaluate("document.documentElement.scrollHeight <= innerHeight")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+
+
+@pytest.mark.parametrize(("width", "language"), [(390, "de"), (390, "en"), (768, "de")])
+def test_no_page_scrolls_sideways_as_a_whole_on_a_telephone(
+    station: Served, enter: Enter, width: int, language: str
+) -> None:
+    page = enter("admin")
+    page.click(f".lm-language[lang={language}]")
+    page.wait_for_selector(f".lm-language[lang={language}][aria-pressed=true]")
+    page.set_viewport_size({"width": width, "height": 844})
+    station.log_in("operator")
+    run = station.http.get("/api/runs").json()["runs"][0]["run"]
+    found = {}
+    for address in (*PAGES.values(), "/recipes/good/1", f"/runs/{run}", "/enter"):
+        page.goto(f"{station.url}{address}")
+        page.wait_for_load_state("networkidle")
+        found[address] = page.evaluate("document.documentElement.scrollWidth")
+    assert found == dict.fromkeys(found, width)
 
 
 def test_axe_finds_nothing_serious_on_any_page(station: Served, enter: Enter) -> None:

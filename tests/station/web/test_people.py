@@ -171,11 +171,28 @@ def test_with_the_first_password_nothing_can_be_done_but_changing_it(station: St
     new.csrf = me["csrf"]
     assert me["must_change"]
     assert new.post("start_run", {"scanned": "SN-1"}).json()["refused"][0]["id"] == "must_change"
+    for address in ("/api/now", "/api/bench", "/api/runs"):
+        answer = new.http.get(address)
+        assert (answer.status_code, answer.json()["refused"][0]["id"]) == (403, "must_change"), address
     assert new.post("change_password", {"old_password": FIRST, "new_password": PASSWORD}).status_code == 200
     again = client_of(station).http.post("/api/enter", json={"name": "Ada", "password": PASSWORD})
     assert not again.json()["must_change"]
     assert "httponly" in again.headers["set-cookie"].lower()
     assert "samesite=strict" in again.headers["set-cookie"].lower()
+
+
+@pytest.mark.parametrize("name", ["ÅSA STRASSE", "A\u030asa Straße", "Åsa Ｓtraße", "Åsa Straße"])
+def test_a_name_that_looks_like_that_of_an_account_is_refused(station: Station, name: str) -> None:
+    admin = client_of(station, "admin")
+    new = {"name": "Åsa Straße", "role": "operator", "password": FIRST}
+    assert admin.post("add_person", new).status_code == 200
+    answer = admin.post("add_person", new | {"name": name})
+    assert answer.status_code == 422
+    assert answer.json()["refused"][0]["text"] == (
+        f"name: {name} is taken. Choose another name" if name == new["name"]
+        else f"name: {name} looks like Åsa Straße, who has an account. Choose another name"
+    )  # fmt: skip
+    assert admin.post("add_person", new | {"name": "Åsa Strase"}).status_code == 200
 
 
 def lines(database: StationDatabase, count: int) -> None:

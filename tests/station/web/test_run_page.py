@@ -146,6 +146,26 @@ def test_why_a_unit_failed_is_found_from_the_screen_alone(page: playwright.Page)
 
 @pytest.mark.wires
 @needs_browser
+@pytest.mark.parametrize("language", ["de", "en"])
+def test_the_limits_and_the_verdict_of_a_metric_are_seen_without_scrolling(
+    station: Served, enter: Enter, language: str
+) -> None:
+    page = enter("technician")
+    page.click(f".lm-language[lang={language}]")
+    page.wait_for_selector(f".lm-language[lang={language}][aria-pressed=true]")
+    page.goto(f"{station.url}/runs/{Store(station.data).find('W1').id}")
+    page.wait_for_selector(".lm-metrics")
+    undecided = {"de": "NICHT ENTSCHEIDBAR", "en": "NOT DECIDABLE"}[language]
+    page.evaluate(f"document.querySelector('.lm-metrics .lm-verdict').innerText = '▲ {undecided}'")
+    for width in (1101, 1280, 1366, 1440, 1501, 1600, 1801, 1920):
+        page.set_viewport_size({"width": width, "height": width * 9 // 16})
+        table = page.locator(".lm-metrics").bounding_box()
+        card = page.locator(".lm-card:has(.lm-metrics)").bounding_box()
+        assert table["x"] + table["width"] <= card["x"] + card["width"], width
+
+
+@pytest.mark.wires
+@needs_browser
 @pytest.mark.parametrize(("address", "sign"), [("/results", ".ag-row"), ("/runs/{run}", ".lm-tile")])
 def test_nobody_looks_on_after_the_end_of_a_session(
     station: Served, page: playwright.Page, address: str, sign: str

@@ -112,7 +112,13 @@ def test_a_request_needs_a_key_and_the_same_key_is_answered_the_same_once(shared
     assert newest_line(shared_station).number == lines, "it was not done twice"
     other = found.post("add_person", {"name": "Bea", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
     assert (other.status_code, other.json()["refused"][0]["id"]) == (409, "key_used")
-    refused = [found.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": "B"}) for _ in range(2)]
+    anew = client_of(shared_station, "admin")
+    later = anew.post("add_person", {"name": "Ada", "role": "quality", "password": FIRST}, **{"Idempotency-Key": "A"})
+    assert (later.status_code, later.json()) == (200, first.json()), "the key is the account's, not the session's"
+    assert newest_line(shared_station).number == lines
+    stranger = client_of(shared_station, "engineer").post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": "A"})
+    assert (stranger.status_code, stranger.json()["refused"][0]["id"]) == (409, "key_used")
+    refused = [one.post("confirm_nok", {"run": "K"}, **{"Idempotency-Key": "B"}) for one in (found, anew)]
     assert [one.status_code for one in refused] == [409, 409]
     assert refused[0].json() == refused[1].json()
 

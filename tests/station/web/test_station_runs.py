@@ -17,8 +17,11 @@ from station_support import client_of
 from stored_runs import metric, store_run
 
 from station.records.run_record import RESULT, RunRecord
+from station.run.jog.jogs import FOLDER
 from station.run.next_run import SUPERVISOR
 from station.web import running
+from station.web.bench import jogging
+from station.web.bench.jogging import Jogging
 from station.web.running import ENDED, STARTING, Running
 from station.web.station import Station
 
@@ -116,6 +119,24 @@ def test_a_run_of_before_with_the_same_process_id_is_not_the_one_that_starts(
     found = bench.now()
     assert (found.stage, found.serial, found.verdict) == (STARTING, "SN-2", None), "and no PASS of the unit before it"
     assert bench.busy()
+
+
+def test_a_jog_of_before_with_the_same_process_id_is_not_the_one_that_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = store_run(tmp_path / FOLDER, "SN-1", [metric(0.5)])
+    assert before.manifest().desk.pid == os.getpid()
+    births = ["when the computer had started again", before.manifest().desk.birth]
+    reads, writes = os.pipe()
+    with os.fdopen(reads), os.fdopen(writes, "w") as stdin:
+        started = SimpleNamespace(pid=os.getpid(), poll=lambda: None, stdin=stdin, returncode=None)
+        monkeypatch.setattr(jogging.subprocess, "Popen", lambda *_, **__: started)
+        monkeypatch.setattr(jogging, "process_birth", lambda _: births.pop(0))
+        found = Jogging(tmp_path, lambda _: None)
+        found.start([], "a session", "Ada")
+        assert found.standing().now.stage == STARTING, "the jog of before has ended, and this one begins"
+        found.start([], "a session", "Ada")
+        assert found.standing().now.stage != STARTING, "its own record is being put away"
 
 
 def test_a_record_that_was_altered_has_no_verdict_over_rest(station: Station) -> None:

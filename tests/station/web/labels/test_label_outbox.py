@@ -192,6 +192,38 @@ def test_a_chain_that_is_no_chain_stops_the_line_and_not_the_thread(plant: Stati
     assert printer.printed == []
 
 
+@pytest.mark.parametrize(
+    "torn",
+    [
+        pytest.param(b'{"kind":"sealed","counter":3,"run":"2026', id="half of an entry"),
+        pytest.param(b'{"kin\0\0\0\0', id="its first bytes, then zeros"),
+        pytest.param(bytes(300), id="zeros alone"),
+        pytest.param(b'{"kind":"sealed"}\n', id="no entry, of another hand"),
+        pytest.param(b'{"kind":"sealed","run":"..","serial":1}\n', id="names no run"),
+    ],
+)
+def test_a_line_that_is_no_entry_keeps_no_later_run_from_its_label(
+    plant: Station, printer: ZplPrinter, torn: bytes
+) -> None:
+    with (plant.data / CHAIN).open("ab") as chain:
+        chain.write(torn)
+    good_run(plant)
+    with plant.database.reading() as connection:
+        assert "being made" in outbox.why_not_next(connection, plant.data, plant.labels)
+    thread_of(plant).look()
+    assert len(printer.printed) == 1
+
+
+@pytest.mark.parametrize(
+    "line", [b'{"kind":"sealed","run":"2026\x00}"}', b"[" * 100_000, b'{"kind":"sealed"\xff"}', b"0"]
+)
+def test_a_line_that_no_power_failure_has_torn_stops_the_line(plant: Station, line: bytes) -> None:
+    with (plant.data / CHAIN).open("ab") as chain:
+        chain.write(line + b"\n")
+    with pytest.raises(StationError, match="a line after byte"):
+        thread_of(plant).look()
+
+
 def test_a_clock_that_is_set_back_holds_no_label_up(plant: Station, printer: ZplPrinter) -> None:
     printer.paper_out = True
     good_run(plant)

@@ -38,8 +38,8 @@ def test_what_was_not_checked_has_no_size() -> None:
     alone = dataclasses.replace(GOOD, torque_in_nm=None, drive_angle_rad=None)
     sizes = {one["id"]: one["figure"] for one in judged(alone).to_dict()["not_excluded"]}
     assert [name for name, size in sizes.items() if size is None] == [
-        "ratio_agreement", "torque_out_zero", "torque_bend", "drive_torque_agreement", "drive_torque_gap", "drive_angle_agreement",
-        "drive_angle_direction",
+        "ratio_agreement", "torque_out_zero", "torque_bend", "drive_torque_agreement", "drive_torque_gap",
+        "drive_angle_agreement", "drive_angle_direction",
     ]  # fmt: skip
 
 

@@ -40,6 +40,7 @@ def test_a_run_counts_or_is_named_as_one_that_does_not(
         with view.database.writing() as connection:
             for run, key in keys.items():
                 connection.execute(update(RUNS).where(RUNS.c.run == run).values(key=key))
+        view.database.let_go()  # of the store as it was when the look began
         count = [rows[0].run for rows in metric_rows(view, "lost_motion", None, None, studies=False).runs]
         others = [one.run for one in runs_that_do_not_count(view, None, None, studies=False)]
         assert count == [run for run, key in keys.items() if is_trusted(key, view.chain, view.trust)]

@@ -153,7 +153,10 @@ def test_every_action_that_reaches_out_leaves_a_line_though_its_server_is_killed
     station = station_in(tmp_path / "runs")
     effect = tmp_path / "effect"
     row = ACTIONS[action]
-    needs = SimpleNamespace(model_validate=lambda _values: row.needs.model_construct(**VALUES.get(action, {})))
+    needs = SimpleNamespace(
+        model_validate=lambda _values: row.needs.model_construct(**VALUES.get(action, {})),
+        model_fields=row.needs.model_fields,
+    )
 
     def does(*_: object) -> Outcome:
         effect.write_text("done", encoding="utf-8")

@@ -17,6 +17,7 @@ from typing import Any
 
 import httpx
 import pytest
+from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
 from lostmotion_command import ROOT, here
 from served import prepared, served
 from sqlalchemy import select, update
@@ -27,6 +28,8 @@ from recipes import RecipeError
 from station.documents.manifest import StudyPlace
 from station.errors import StationError
 from station.records.chain.chain_file import CHAIN
+from station.records.chain.entries import SEALED, signed_entry
+from station.records.chain.keys import BenchKey
 from station.records.data_folder import Store, check_note
 from station.records.seal import seal
 from station.web.mes import outbox
@@ -81,11 +84,14 @@ def kept(file: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in file.read_text().splitlines()] if file.exists() else []
 
 
+KEY = BenchKey(Ed25519PrivateKey.generate())
+
+
 def entry(run: str, serial: str, number: int) -> bytes:
-    fields = {"kind": "sealed", "counter": number, "run": run, "serial": serial, "attempt": 1, "created": 1}
-    fields |= {"sha256": f"{number:064x}", "state": "complete", "verdict": "PASS"}
-    fields |= {"time": "2026-01-05T08:00:00+00:00"}
-    return json.dumps(fields).encode() + b"\n"
+    words = {"run": run, "serial": serial, "attempt": 1, "created": 1, "sha256": f"{number:064x}"}
+    words |= {"state": "complete", "verdict": "PASS"}
+    line = signed_entry(SEALED, number, "0" * 64, "2026-01-05T08:00:00+00:00", KEY, **words).line
+    return line + b"\n"
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from sqlalchemy import Connection, insert, select
 
 from station.wall_clock import WALL_CLOCK
 from station.web.people.database import SCANNER_TESTS
-from station.web.scanner import without_identifier
+from station.web.scanner import AROUND, without_identifier
 from station.web.settings import ScannerTest
 
 US = "yzYZ-=[]\\;'/`@#^&*()_+{}|:\"<>?~"
@@ -32,7 +32,7 @@ OTHER = "This is not what the test code says. Check the scanner's settings and t
 
 def misread(code: str, scanned: str) -> str | None:
     """Return what is wrong with the test code as it was read, None where it came as it was printed."""
-    text = scanned.strip("\r\n\t \x00")
+    text = scanned.strip(AROUND)
     if code in (text, without_identifier(text)):
         return None
     found = text.translate(DEAD)

@@ -23,6 +23,7 @@ from analysis.trace.csv_table import CsvTable, read_csv_table
 from analysis.trace.errors import AnalysisError, TableError
 from analysis.trace.number_text import read_numbers
 from analysis.trace.segment_names import SEGMENT_COLUMNS, read_segments
+from analysis.trace.time_column import TIME, read_time
 from analysis.trace.trace import SegmentInfo, Trace, first_bad_row
 from analysis.trace.units import BoolArray, FloatArray, IntArray
 from definitions.image import IMAGE_FIELDS
@@ -172,7 +173,10 @@ def _channels(table: _Table, chosen: dict[str, int]) -> tuple[dict[str, FloatArr
             cell = table.columns[index][row - 1].as_py()
             raise table.fail(row, name, repr(cell), "a finite number", "repair or remove the row")
         channels[channel] = factor * values
-    return channels, read.reading
+    if TIME not in channels:
+        return channels, read.reading
+    time = read_time(channels[TIME], table.fail)
+    return {**channels, TIME: time.seconds}, (*read.reading, *([time.reading] if time.reading else ()))
 
 
 def is_text(column: Any) -> bool:
@@ -204,7 +208,8 @@ def _check_units(table: _Table) -> None:
 def _told(table: _Table, decimals: tuple[str, ...]) -> str:
     """Return in words how a file was read that is not plain CSV; '' for one that is."""
     parts = [*(() if table.csv is None else table.csv.reading), *decimals]
-    return f"read as CSV with {', '.join(parts)}" if parts else ""
+    kind = "a table" if table.csv is None else "CSV"
+    return f"read as {kind} with {', '.join(parts)}" if parts else ""
 
 
 RECORDED = frozenset(field.name for field in IMAGE_FIELDS)

@@ -75,6 +75,14 @@ UNIT_WORDS: dict[str, tuple[str, ...]] = {
 
 NO_UNIT = ("", "-", "–")
 
+OTHER_UNITS = (
+    *("ms", "us", "µs", "ns", "min", "h"),
+    *("kn·m", "knm", "mnm", "n·cm", "ncm", "lbf·ft", "lbf·in", "lbf-ft", "ft-lb", "in-lb", "kgf·m", "kgfm"),
+    *("deg", "°", "degree", "degrees", "mrad", "µrad", "urad", "arcsec", '"', "″", "rev"),
+    *("k", "f", "°f", "degf", "v", "mv", "a", "ma", "%", "counts", "pulses"),
+)
+"""Units in small letters that no column has: by them a row above the header is known as one of units, and refused."""
+
 UNIT_OF_FIELD = b"unit"
 """Metadata of a Parquet column, or of one made of a TDMS channel, that says its unit."""
 
@@ -244,7 +252,8 @@ def _read_table(file: Path) -> _Table:
         wrong = not_a_table(file)
         if wrong:
             raise AnalysisError(f"{file}: cannot be read as CSV, Parquet or TDMS: {wrong}")
-        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS))
+        ours = (word.lower() for words in UNIT_WORDS.values() for word in words)
+        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS), unit_words={*ours, *OTHER_UNITS})
         return _Table(file, read.names, tuple(read.cells.columns), read.units or (), read)
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = printable(str(error))

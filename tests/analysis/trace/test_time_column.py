@@ -71,3 +71,21 @@ def test_unix_time_in_single_precision_is_refused(tmp_path: Path) -> None:
 def test_a_clock_that_is_set_within_the_recording_is_refused(tmp_path: Path) -> None:
     with pytest.raises(AnalysisError, match="row 2, column t_s"):
         read_trace(table(tmp_path, ["0.5", f"{BEGIN}", f"{BEGIN + 1}"]))
+
+
+@pytest.mark.parametrize("begin", [0.0, BEGIN])
+@pytest.mark.parametrize("every_s", [1.0, 0.02, 1e4])
+def test_time_that_most_rows_share_is_refused(tmp_path: Path, begin: float, every_s: float) -> None:
+    step_s = min(every_s, 1.0) / 8.0
+    time = [begin + every_s * (row * step_s // every_s) for row in range(40)]
+    with pytest.raises(TableError) as refused:
+        read_trace(table(tmp_path, [f"{one:.6f}" for one in time]))
+    (problem,) = refused.value.problems
+    assert (problem.row, problem.column) == (2, "t_s")
+    assert "of 40 rows" in problem.found
+    assert "decimal places" in problem.hint
+
+
+def test_time_that_is_rounded_finely_or_seldom_the_same_is_read(tmp_path: Path) -> None:
+    for time in ([0.001 * (row // 5) for row in range(40)], [float(row // 2) for row in range(40)], [3.0]):
+        assert read_trace(table(tmp_path, [f"{one:.6f}" for one in time])).samples == len(time)

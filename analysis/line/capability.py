@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import scipy  # loads special where it is used
 
-from analysis.line.samples import checked_level, checked_row
+from analysis.line.samples import checked_level, checked_row, has_spread
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
 
@@ -101,6 +101,11 @@ def capability(
     row = checked_row(values, "capability", 3)
     checked_level(level)
     sd_within, freedom = _within(row, subgroup)
+    if not has_spread(sd_within, row):
+        raise AnalysisError(
+            "capability: the values, or those of each subgroup, are identical; expected a standard deviation above "
+            "zero. Check whether they were rounded too coarsely"
+        )
     mean, sd_overall = float(row.mean()), float(row.std(ddof=1))
     within = indices(mean, sd_within, lower, upper)
     overall = indices(mean, sd_overall, lower, upper)

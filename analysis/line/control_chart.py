@@ -19,7 +19,7 @@ import scipy  # loads special where it is used
 
 from analysis.line.gage_study import range_constants
 from analysis.line.run_rules import RULE_SETS, Signal, signals
-from analysis.line.samples import checked_row
+from analysis.line.samples import checked_row, has_spread
 from analysis.trace.errors import AnalysisError
 from analysis.trace.units import FloatArray
 
@@ -138,7 +138,7 @@ def control_chart(
     else:
         chosen, spreads = "range", np.ptp(whole, axis=1)
     mean_spread = float(spreads[: used - 1 if subgroup == 1 else used].mean())
-    if not mean_spread > 0.0:
+    if not has_spread(mean_spread, row):
         raise AnalysisError("control chart: values within subgroups are identical; check whether they were rounded")
     sd, of_means, of_spreads = limits_of(float(means[:used].mean()), mean_spread, chosen, subgroup)
     standing = (means - of_means.centre) / (sd / math.sqrt(subgroup))

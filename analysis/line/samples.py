@@ -32,6 +32,15 @@ def checked_row(values: Sequence[float] | FloatArray, what: str, least: int) -> 
     return row
 
 
+ROUNDING = 1e-12
+"""Spread of values that is rounding of the computer, as a share of the largest value: it is none of a process."""
+
+
+def has_spread(spread: float, row: FloatArray) -> bool:
+    """Whether a spread of these values is more than rounding, which the variance of identical values may leave."""
+    return spread > ROUNDING * float(np.abs(row).max())
+
+
 def checked_level(level: float) -> float:
     """Return a level of confidence; AnalysisError unless it is between 0.5 and 1."""
     if not 0.5 <= level < 1.0:

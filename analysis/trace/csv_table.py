@@ -1,8 +1,8 @@
 """CSV files as people have them: of spreadsheets in any language, and of recorders.
 
 Commas, semicolons, tabs or bars part the columns; the text is UTF-8, UTF-16 or Windows-1252. Before the header may
-stand `sep=;` and what a recorder says of itself, behind it a row of units; blank rows, and those that begin with a
-comment sign, count nowhere. What of this a file has is told in `reading`. All cells come back as text.
+stand `sep=;` and what a recorder says of itself, beside it a row of units; blank rows, and those that begin with a
+comment sign, count nowhere else. What of this a file has is told in `reading`. All cells come back as text.
 """
 
 from __future__ import annotations
@@ -97,13 +97,17 @@ class Header(NamedTuple):
     before: int
 
 
-def read_csv_table(file: Path, known: Collection[str] = (), content: bytes | None = None) -> CsvTable:
+def read_csv_table(
+    file: Path, known: Collection[str] = (), content: bytes | None = None, unit_words: Collection[str] = ()
+) -> CsvTable:
     """Read a CSV file; the header is the first line that has one of the known names, or the first line of all.
 
-    content: that of the file, where it was read already.
+    content: that of the file, where it was read already. unit_words: units in small letters, by which a row of units is
+    told from other words above the header and in comments.
 
     Raises:
-        TableError: text in no known encoding, no separator that can be told, rows of different length.
+        TableError: text in no known encoding, no separator that can be told, rows of different length, two rows of
+            units.
         OSError: the file cannot be read.
 
     """
@@ -121,13 +125,25 @@ def read_csv_table(file: Path, known: Collection[str] = (), content: bytes | Non
         units_line, first = rows.pop(0)
         units = tuple(_cells(first, separator))
         body = Body(body.lines[units_line - body.first + 1 :], units_line + 1)
+    before = header.before
+    for number, line in _beside(lines, header):
+        cells = _cells(line.lstrip("#/% "), separator)
+        if not _has_units(cells, names, known, unit_words):
+            continue
+        if units is not None:
+            found = f"a second row of units, beside that in line {units_line}"
+            raise TableError(file, found, "one row of units", "delete the one that is wrong", line=number)
+        units, units_line = tuple(cells), number
+        before -= number < header.line and not line.startswith(COMMENTS)
     if rows and len(_cells(rows[0][1], separator)) == len(names) + 1 and rows[0][1].rstrip(" ").endswith(separator):
         names.append("")
     if separator != ",":
         reading.append(f"{SEPARATORS.get(separator, repr(separator))} between the columns")
     reading += [ENCODING_NAMES[encoding]] if encoding in ENCODING_NAMES else []
-    reading += [f"{header.before} lines before the header left out"] if header.before else []
-    comments = sum(1 for line in body.lines if line.startswith(COMMENTS))
+    reading += [f"{before} lines before the header left out"] if before else []
+    comments = sum(
+        1 for number, line in enumerate(body.lines, body.first) if line.startswith(COMMENTS) and number != units_line
+    )
     reading += [f"{comments} comments left out"] if comments else []
     reading += [f"line {units_line} has the units"] if units is not None else []
     cells = _parsed([line for _, line in rows], names, separator, body, file)
@@ -234,6 +250,22 @@ def _is_units(cells: list[str], names: list[str], known: Collection[str]) -> boo
     ours = [cell for name, cell in zip(names, cells, strict=False) if name in known and name not in TEXT_COLUMNS]
     words = [cell for cell in ours if cell]
     return bool(words) and not any(re.search(r"\d|nan|inf|[#_]|^[+-]?[.,]$", cell.lower()) for cell in words)
+
+
+def _beside(lines: list[str], header: Header) -> list[tuple[int, str]]:
+    """Return number and text of the next line above the header, and of a comment that is the next one below it."""
+    above = next((number for number in range(header.line - 1, 0, -1) if lines[number - 1].strip()), 0)
+    below = next((number for number in range(header.line + 1, len(lines) + 1) if lines[number - 1].strip()), 0)
+    found = [above] if above else []
+    found += [below] if below and lines[below - 1].startswith(COMMENTS) else []
+    return [(number, lines[number - 1]) for number in found]
+
+
+def _has_units(cells: list[str], names: list[str], known: Collection[str], unit_words: Collection[str]) -> bool:
+    """Whether a row has words for the columns, and one of them is a unit of a known column."""
+    fits = len(cells) <= len(names) and (len(cells) > 1 or len(names) == 1)
+    said = {cell.strip("[]() ").lower() for name, cell in zip(names, cells, strict=False) if name in known}
+    return fits and bool(said & set(unit_words)) and _is_units(cells, names, known)
 
 
 TEXT_COLUMNS = ("segment", "branch")

@@ -23,6 +23,7 @@ from analysis.trace.csv_table import CsvTable, read_csv_table
 from analysis.trace.errors import AnalysisError, TableError
 from analysis.trace.number_text import read_numbers
 from analysis.trace.segment_names import SEGMENT_COLUMNS, read_segments
+from analysis.trace.time_column import TIME, read_time
 from analysis.trace.trace import SegmentInfo, Trace, first_bad_row
 from analysis.trace.units import BoolArray, FloatArray, IntArray
 from definitions.image import IMAGE_FIELDS
@@ -73,6 +74,14 @@ UNIT_WORDS: dict[str, tuple[str, ...]] = {
 """What a row of units may say below the name of each column; the name has the unit, and the row must not contradict."""
 
 NO_UNIT = ("", "-", "–")
+
+OTHER_UNITS = (
+    *("ms", "us", "µs", "ns", "min", "h"),
+    *("kn·m", "knm", "mnm", "n·cm", "ncm", "lbf·ft", "lbf·in", "lbf-ft", "ft-lb", "in-lb", "kgf·m", "kgfm"),
+    *("deg", "°", "degree", "degrees", "mrad", "µrad", "urad", "arcsec", '"', "″", "rev"),
+    *("k", "f", "°f", "degf", "v", "mv", "a", "ma", "%", "counts", "pulses"),
+)
+"""Units in small letters that no column has: by them a row above the header is known as one of units, and refused."""
 
 UNIT_OF_FIELD = b"unit"
 """Metadata of a Parquet column, or of one made of a TDMS channel, that says its unit."""
@@ -172,7 +181,10 @@ def _channels(table: _Table, chosen: dict[str, int]) -> tuple[dict[str, FloatArr
             cell = table.columns[index][row - 1].as_py()
             raise table.fail(row, name, repr(cell), "a finite number", "repair or remove the row")
         channels[channel] = factor * values
-    return channels, read.reading
+    if TIME not in channels:
+        return channels, read.reading
+    time = read_time(channels[TIME], table.fail)
+    return {**channels, TIME: time.seconds}, (*read.reading, *([time.reading] if time.reading else ()))
 
 
 def is_text(column: Any) -> bool:
@@ -204,7 +216,8 @@ def _check_units(table: _Table) -> None:
 def _told(table: _Table, decimals: tuple[str, ...]) -> str:
     """Return in words how a file was read that is not plain CSV; '' for one that is."""
     parts = [*(() if table.csv is None else table.csv.reading), *decimals]
-    return f"read as CSV with {', '.join(parts)}" if parts else ""
+    kind = "a table" if table.csv is None else "CSV"
+    return f"read as {kind} with {', '.join(parts)}" if parts else ""
 
 
 RECORDED = frozenset(field.name for field in IMAGE_FIELDS)
@@ -239,7 +252,8 @@ def _read_table(file: Path) -> _Table:
         wrong = not_a_table(file)
         if wrong:
             raise AnalysisError(f"{file}: cannot be read as CSV, Parquet or TDMS: {wrong}")
-        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS))
+        ours = (word.lower() for words in UNIT_WORDS.values() for word in words)
+        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS), unit_words={*ours, *OTHER_UNITS})
         return _Table(file, read.names, tuple(read.cells.columns), read.units or (), read)
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = printable(str(error))

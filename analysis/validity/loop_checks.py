@@ -149,6 +149,11 @@ def creep_back(found: Measured) -> Reading | str:
         if trace.segments[int(trace.segment[start])].role != "dwell" or time[-1] - time[0] < LEAST_REST_S:
             continue
         settled = time >= time[0] + SETTLES_S
+        if settled.sum() < 2:
+            continue
+        if not float(np.ptp(time[settled])) > 0.0:
+            row = int(start + np.argmax(settled)) + 1
+            return Reading(math.inf, f"all samples of the dwell from row {row} on have one time: it is rounded")
         positive = float(trace.torque_out_nm[start:stop].mean()) > 0.0
         rate = float(np.polyfit(time[settled] - time[0], windup[start:stop][settled], 1)[0])
         rates[positive].append(rate if positive else -rate)

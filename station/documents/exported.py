@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from station.documents.entries import left_out
-from station.documents.manifest import BenchSource, Finite, Moment, Period, RecipeSource, Software
+from station.documents.entries import Count, left_out
+from station.documents.manifest import BenchSource, CountFrom1, Finite, Moment, Period, RecipeSource, Software
 from station.documents.result import MetricValue
 from station.documents.timing import Timing
 
@@ -17,17 +17,17 @@ class Counts:
     holds: how often a ramp was held; None in what was counted by versions that did not ask.
     """
 
-    periods: int
-    missed: int
-    oldest_sample_scans: int
-    torque_in_saturated: int
-    torque_out_saturated: int
-    not_ready: int
-    bench_waited: int = 0
-    zeroes_again: int | None = None
-    torque_in_zero_shift_nm: float | None = None
-    torque_out_zero_shift_nm: float | None = None
-    holds: int | None = None
+    periods: CountFrom1
+    missed: Count
+    oldest_sample_scans: Count
+    torque_in_saturated: Count
+    torque_out_saturated: Count
+    not_ready: Count
+    bench_waited: Count = 0
+    zeroes_again: Count | None = None
+    torque_in_zero_shift_nm: Finite | None = None
+    torque_out_zero_shift_nm: Finite | None = None
+    holds: Count | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

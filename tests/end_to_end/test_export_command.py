@@ -180,6 +180,7 @@ def test_an_export_is_judged_by_what_it_says_of_its_run(lostmotion, quick_run, q
         ({"started": 7}, "is damaged"),
         ({"state": "fault"}, "which ended as fault: it has no complete trace to evaluate"),
         ({"recorded": said["run"]["recorded"] | {"missed": "0"}}, "is damaged"),
+        ({"recorded": said["run"]["recorded"] | {"missed": -1}}, "missed: found -1"),
     ):
         ran = analyzed(**changes)
         assert ran.exit_code == 2, changes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -36,6 +37,25 @@ def test_creep_against_the_torque_is_seen_in_dwells_or_in_the_width(dwell_s: flo
         trace = measured(RV40, course, bench, np.random.default_rng(1), Defect(creep_arcmin_per_min=-rate))
         result = judged(trace, bench)
         assert ("creep_back" if dwell_s else "width_growth") in failed(result)
+        assert result.verdict is Verdict.NOT_DECIDABLE
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(("kept", "seen"), [(0, True), (-1, False)])
+def test_dwells_without_time_between_their_samples_show_no_creep(kept: int, seen: bool) -> None:  # noqa: FBT001 - a row of a table
+    """Where time is rounded, all samples behind the first have one time, or there is one sample behind it alone."""
+    bench = Bench(dwell_s=0.5, cycles=2)
+    trace = measured(RV40, course_of(RV40, bench), bench, np.random.default_rng(1))
+    assert trace.t_s is not None
+    assert trace.segment is not None
+    time = trace.t_s.copy()
+    borders = np.concatenate(([0], np.flatnonzero(np.diff(trace.segment)) + 1, [trace.segment.size]))
+    for start, stop in pairwise(borders.tolist()):
+        if trace.segments[int(trace.segment[start])].role == "dwell":
+            time[start + 1 : stop - 1] = time[stop - 1] if kept == 0 else time[start]
+    result = judged(replace(trace, t_s=time), bench)
+    assert ("creep_back" in failed(result)) is seen
+    if seen:
         assert result.verdict is Verdict.NOT_DECIDABLE
 
 

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from scipy import stats
 
 from analysis.line.capability import capability, indices, interval_of_both, interval_of_nearest
+from analysis.line.control_chart import control_chart
 from analysis.trace.errors import AnalysisError
 
 
@@ -115,3 +116,17 @@ def test_wrong_samples_are_said(values: list[float], lower: float, upper: float,
 def test_level_of_confidence_is_checked() -> None:
     with pytest.raises(AnalysisError, match="level of confidence: found 95"):
         capability([1.0, 2.0, 4.0], 0.0, 5.0, level=95)
+
+
+@pytest.mark.parametrize("value", [0.1, 0.7, 0.83, 1.0 / 3.0, 5.0])
+@pytest.mark.parametrize("subgroup", [1, 2, 3, 5, 7])
+def test_values_without_spread_within_have_neither_indices_nor_a_chart(value: float, subgroup: int) -> None:
+    """Rounding of the computer leaves a variance of 1e-34 in identical values, which gave a Cpk of 1e16."""
+    alike = [value] * 35
+    steps = [value + 0.1 * (row // subgroup) for row in range(35)]
+    for row in (alike, steps) if subgroup > 1 else (alike,):
+        with pytest.raises(AnalysisError, match="identical"):
+            capability(row, None, 9.0, subgroup)
+        for kind in ("range", "standard deviation"):
+            with pytest.raises(AnalysisError, match="identical"):
+                control_chart(row, subgroup, kind=kind)

@@ -178,7 +178,7 @@ def test_a_side_without_spread_is_told_beside_the_index_of_the_other(
     (row,) = figure.rows
     assert (row.side, row.others, [side for side, _ in row.without]) == ("+", (), ["-"])
     assert row.found.overall.nearest > 1.33
-    told = "nothing is known of side -, which has no index. capability: mean 0.999, standard deviation 0; expected"
+    told = "nothing is known of side -, which has no index. capability: the values, or those of each"
     print_capability(tmp_path, LOT, (), 1, 0.95, as_json=False)
     assert f"lost_motion: {told}" in " ".join(capsys.readouterr().out.split())
     for language in LANGUAGES:

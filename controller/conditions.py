@@ -36,6 +36,7 @@ DRIVE_TORQUE_FACTOR = 1.3
 # What the checks compare with in every scan. A member looked up by its class costs as much as a whole check.
 _QUICK_STOP = Command.QUICK_STOP
 _CAN, _AMPLIFIER, _BRAKE, _REMOTE_IO = int(Link.CAN), int(Link.AMPLIFIER), int(Link.BRAKE), int(Link.REMOTE_IO)
+_CAN_SHARED = int(Link.CAN_SHARED)
 _OPERATIONAL = NmtState.OPERATIONAL
 _ENABLED = DriveState.OPERATION_ENABLED
 _DRIVE_FAULTS = (DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE)
@@ -47,6 +48,7 @@ ESTOP, GUARD_OPEN = bit_of("estop"), bit_of("guard_open")
 OPERATOR_QUICK_STOP = bit_of("operator_quick_stop")
 
 CAN_LOST, AMPLIFIER_LOST = bit_of("can_lost"), bit_of("amplifier_lost")
+OTHER_CONTROLLER = bit_of("other_controller")
 BRAKE_LINK_LOST, REMOTE_IO_LOST = bit_of("brake_link_lost"), bit_of("remote_io_lost")
 DRIVE_DATA_STALE = bit_of("drive_data_stale")
 SAMPLE_LATE, SAMPLE_FROZEN = bit_of("sample_late"), bit_of("sample_frozen")
@@ -125,6 +127,8 @@ def _connections(i: Image, m: Measured, li: Limits, *_: object) -> int:
     bits, lost = 0, i.links_lost
     if lost & _CAN:
         bits |= CAN_LOST
+    if lost & _CAN_SHARED:
+        bits |= OTHER_CONTROLLER
     if i.drive_nmt_state != _OPERATIONAL:
         bits |= DRIVE_DATA_STALE
     if lost & _AMPLIFIER:
@@ -242,7 +246,14 @@ KINDS = (
     Kind(_surroundings, ESTOP | GUARD_OPEN | OPERATOR_QUICK_STOP),
     Kind(
         _connections,
-        CAN_LOST | AMPLIFIER_LOST | BRAKE_LINK_LOST | REMOTE_IO_LOST | DRIVE_DATA_STALE | SAMPLE_LATE | SAMPLE_FROZEN,
+        CAN_LOST
+        | OTHER_CONTROLLER
+        | AMPLIFIER_LOST
+        | BRAKE_LINK_LOST
+        | REMOTE_IO_LOST
+        | DRIVE_DATA_STALE
+        | SAMPLE_LATE
+        | SAMPLE_FROZEN,
     ),
     Kind(
         _drive,

@@ -315,6 +315,12 @@ FAULTS: tuple[Fault, ...] = (
           # that watch each other, and a dead angle sensor must not stand against it
           live_in=LOCKED,
           time=Time("20 ms", 20.0)),
+    Fault(46, "other_controller", R.POWER_OFF, 0, "Another controller commands on the CAN bus",
+          "A set-point, a SYNC, an NMT command or a heartbeat of the controller came from somebody else: another "
+          "program, a hand-held tool or a second controller is connected",
+          "Keep clear of the shafts: the drive may follow the other one. End the other program or disconnect it, then "
+          "acknowledge",
+          live_in=ALWAYS),
     # --- jog
     Fault(44, "enabling_device_stuck", R.QUICK_STOP, 0, "Enabling device pressed for too long",
           "Contact stuck, wire short-circuited, or the enabling device was tied down",

@@ -122,12 +122,16 @@ class NmtState(IntEnum):
 
 
 class Link(IntEnum):
-    """Bits of `links_lost`: a connection that its peer closed, that refused, or that answers with exceptions."""
+    """Bits of `links_lost`: a connection that its peer closed, that refused, or that answers with exceptions.
+
+    `CAN_SHARED`: the bus stands, but it is not ours alone. Somebody else sends on it what only the controller may.
+    """
 
     CAN = 1
     AMPLIFIER = 2
     BRAKE = 4
     REMOTE_IO = 8
+    CAN_SHARED = 16
 
 
 class SampleStatus(IntEnum):
@@ -201,7 +205,7 @@ class Image:
     housing_temp_c: Annotated[F64, "°C", "temperature of the unit's housing", "remote_io"]
     ambient_temp_c: Annotated[F64, "°C", "temperature of the room", "remote_io"]
     io_age_scans: Annotated[U16, "scans", "age of the remote I/O's values"]
-    links_lost: Annotated[U8, "", "Link bits of connections that are down"]
+    links_lost: Annotated[U8, "", "Link bits of connections that are down, or that somebody else uses"]
 
     def __iter__(self) -> Iterator[Any]:
         return iter(image_values(self))

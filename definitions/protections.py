@@ -106,6 +106,7 @@ WITHOUT_INTERLOCK: dict[str, str] = {
     "guard_open": "Only hardware wired to the guard stops the drive; a ramp would continue with the guard open",
     "operator_quick_stop": "Only the emergency stop is left for a person to stop the bench",
     "can_lost": "The drive stops by itself when set-points and heartbeat are missing (drive objects 0x1400:5, 0x1016)",
+    "other_controller": "The drive follows whoever spoke last; its own limits are left, and validity checks of the run",
     "drive_heartbeat_lost": "A drive that lost its power shows as missing process data (drive_data_stale)",
     "drive_data_stale": "Angle and torque from the drive no longer change, unnoticed; its heartbeat may continue",
     "amplifier_lost": "Torque and angle no longer change; the interlock for their age reacts (sample_stale)",

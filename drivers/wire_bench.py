@@ -28,7 +28,7 @@ from drivers.sample import ComposedSample
 from drivers.servo_drive.drive import CanDrive, Listener
 from drivers.servo_drive.objects import output_brake_problems
 from drivers.servo_drive.output_brake import OutputBrake, read_outputs
-from drivers.servo_drive.pdo import HEARTBEAT_BASE
+from drivers.servo_drive.pdo import HEARTBEAT_BASE, NMT_COB_ID
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive
 from drivers.wire_image import WireImage
@@ -302,7 +302,7 @@ class WireBench:
             # the reset ends the supervision of our heartbeat too: a regular end is not an emergency
             for nmt_command in (NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION):
                 data = bytes((nmt_command, self.config.drive.node_id))
-                self._link.send(can.Message(arbitration_id=0, is_extended_id=False, data=data))
+                self._link.send(can.Message(arbitration_id=NMT_COB_ID, is_extended_id=False, data=data))
             self._link.close()
         self._link = None
         for line in self._lines.values():

@@ -15,6 +15,7 @@ from drivers.servo_drive.position_count import PositionCount
 
 # Asked in every scan: a member looked up by its class costs twenty times as much.
 _CAN, _AMPLIFIER, _BRAKE, _REMOTE_IO = int(Link.CAN), int(Link.AMPLIFIER), int(Link.BRAKE), int(Link.REMOTE_IO)
+_CAN_SHARED = int(Link.CAN_SHARED)
 _UNKNOWN = DriveState.UNKNOWN
 _HOMING_MODE, _TORQUE_MODE = int(DriveMode.HOMING), int(DriveMode.CYCLIC_SYNC_TORQUE)
 
@@ -89,6 +90,7 @@ class WireImage:
             | (_AMPLIFIER if amplifier.lost else 0)
             | (_BRAKE if brake.lost else 0)
             | (_REMOTE_IO if remote_io.lost else 0)
+            | (_CAN_SHARED if drive.other_commands(scan) else 0)
         )
         return image
 

@@ -157,6 +157,7 @@ ROWS: tuple[Row, ...] = (
     Row("can.controller.heartbeat", "drop", 0.2, (), 0, states=("ramp_pos",)),
     Row("can.bus", "off", None, ("drive_data_stale",), 22, states=LOADED, wires="ramp_pos"),
     Row("can.bus", "cut", None, ("can_lost",), 3, states=LOADED, wires="ramp_pos"),
+    Row("can.bus", "command", None, ("other_controller",), 3, states=LOADED, wires="ramp_pos"),
     Row("can.bus", "errors", 5, (), 0, states=(), wires="calibrate"),
     Row("can.bus", "babble", 20, (), 0, states=(), wires="calibrate"),
     Row("clock", "step", 3600, (), 0, states=(), wires="calibrate"),

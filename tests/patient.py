@@ -102,11 +102,15 @@ Its torque is what the tests are about and not the number of its scans: at 4 ms 
 
 
 def write_changed(source: Path, target: Path, *changes: Changes) -> Path:
-    """Write a recipe or bench file with sections changed: options of a section are replaced one by one, lists whole."""
+    """Write a recipe or bench file with sections changed: options of a section are replaced one by one, lists whole.
+
+    None takes a section out.
+    """
     document = YAML(typ="safe").load(source)
     for change in changes:
         for section, options in change.items():
             document[section] = {**document.get(section, {}), **options} if isinstance(options, Mapping) else options
+    document = {section: options for section, options in document.items() if options is not None}
     with target.open("w", encoding="utf-8") as stream:
         YAML(typ="safe").dump(document, stream)
     return target

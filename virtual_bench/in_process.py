@@ -236,8 +236,13 @@ class VirtualTimeBench:
         image.drive_error_register = register
 
     def _links_lost(self) -> int:
-        cut = int(Link.CAN) if ("can.bus", "cut") in self.faults.active else 0
-        return cut + self.slow.links_lost()
+        lost = self.slow.links_lost()
+        if ("can.bus", "cut") in self.faults.active:
+            lost |= int(Link.CAN)
+        if ("can.bus", "command") in self.faults.active:
+            self.faults.seen("can.bus")
+            lost |= int(Link.CAN_SHARED)
+        return lost
 
 
 def _arrival(late: tuple[int, bytes]) -> int:

@@ -22,7 +22,15 @@ from drivers.can.wires import Frame
 from drivers.config import DriveConfig
 from drivers.servo_drive.cia402 import control_word, decode_state
 from drivers.servo_drive.data_types import picker, to_integer
-from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, PdoCodec, rpdo_cob_id, tpdo_cob_id
+from drivers.servo_drive.pdo import (
+    EMCY_BASE,
+    HEARTBEAT_BASE,
+    NMT_COB_ID,
+    SYNC_COB_ID,
+    PdoCodec,
+    rpdo_cob_id,
+    tpdo_cob_id,
+)
 from drivers.servo_drive.units import drive_units
 
 FRAMES_PER_POLL = 64
@@ -33,6 +41,9 @@ FRAMES_AFTER_GAP = 512
 
 VELOCITY_SCANS_AFTER_CSV = 10
 """Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
+
+OTHER_HEARD_FOR_HEARTBEATS = 5
+"""Another controller counts as there for as many of our heartbeats after its last frame."""
 
 SILENT_AFTER_SCANS = 50
 """Age of the process data from which on a drive that is to be off gets no set-points any more.
@@ -135,6 +146,7 @@ class CanDrive:
         self.emergencies: deque[Emergency] = deque(maxlen=32)
         self.frames_malformed = 0
         self.frames_foreign = 0
+        self._other_until_scan = -1
         self.setpoints_clamped = 0
         self.setpoint_is_clamped = False
         self._polls_with_frames_left = 0
@@ -164,6 +176,8 @@ class CanDrive:
         self._picked = picker([self._places.get(name, self._unmapped) for name in SCAN_VALUES])
         names = ("controlword", "mode", "target_torque", "target_velocity", "digital_outputs")
         self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
+        controller = HEARTBEAT_BASE + config.controller_node_id
+        self._ours_to_send = {NMT_COB_ID, SYNC_COB_ID, controller, *(sender.cob_id for sender in self._senders)}
         self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
         self._emcy_cob_id = EMCY_BASE + config.node_id
         self._sync: Frame = (SYNC_COB_ID, b"")
@@ -205,6 +219,8 @@ class CanDrive:
             listener = self._listeners.get(cob_id)
             if listener is None:
                 self.frames_foreign += 1
+                if cob_id in self._ours_to_send:  # no bus gives us our own frames back: somebody else has sent it
+                    self._other_until_scan = scan + OTHER_HEARD_FOR_HEARTBEATS * self._heartbeat_scans
             else:
                 listener.take(data, scan)
 
@@ -222,6 +238,13 @@ class CanDrive:
             self._emcy_withdrawn = True
         else:
             self.emcy_code = 0
+
+    def other_commands(self, scan: int) -> bool:
+        """Tell whether another controller was heard lately: a frame that only we may send has come.
+
+        It stays so for several heartbeats, so that one that sends now and then is not gone between two of its frames.
+        """
+        return scan <= self._other_until_scan
 
     def emergencies_in(self, scan: int) -> int:
         """Count the emergencies with a code that came in scan number `scan`."""

@@ -11,6 +11,7 @@ from collections.abc import Sequence
 from definitions.number_formats import LETTERS
 from definitions.profiles.drive import MappedObject, ReceivePdo, TransmitPdo
 
+NMT_COB_ID = 0x000
 SYNC_COB_ID = 0x080
 EMCY_BASE = 0x080
 TPDO_BASES = (0x180, 0x280, 0x380, 0x480)

@@ -37,6 +37,7 @@ SHOWN: dict[str, dict[str, float]] = OF_THE_IMAGE | {
     "guard_open": {"guard_closed": 0},
     "operator_quick_stop": {},
     "can_lost": {"links_lost": Link.CAN},
+    "other_controller": {"links_lost": Link.CAN_SHARED},
     "amplifier_lost": {"links_lost": Link.AMPLIFIER},
     "sample_late": {"sample_age_scans": 6},
     "sample_frozen": {"sample_counter": 7},

@@ -34,7 +34,7 @@ CHANGES: dict[str, st.SearchStrategy] = {
     "brake_current_a": st.floats(0.0, 10.0),
     "brake_on": st.integers(0, 1),
     "estop_released": st.integers(0, 1),
-    "links_lost": st.integers(0, 15),
+    "links_lost": st.integers(0, 31),
 }
 
 

@@ -141,7 +141,7 @@ STRANGE: dict[str, tuple[float, ...]] = {
     "command": (Command.NONE, Command.QUICK_STOP),
     "estop_released": (0, 1),
     "guard_closed": (0, 1),
-    "links_lost": tuple(range(16)),
+    "links_lost": tuple(range(32)),
     "drive_nmt_state": (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL),
     "drive_state": (DriveState.OPERATION_ENABLED, DriveState.SWITCHED_ON, DriveState.FAULT),
     "drive_mode": (DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.HOMING),

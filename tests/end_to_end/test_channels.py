@@ -123,15 +123,25 @@ SYNC_AND_ITS_PERIOD = {
 
 @pytest.mark.parametrize("case", SYNC_AND_ITS_PERIOD)
 def test_values_that_answer_sync_are_as_old_as_the_period_and_no_wider_loop(lostmotion, tmp_path, case):
-    """The lag that the bench file declares is the sensor's own, so the same file is right at every period."""
+    """The lag that the bench file declares is the sensor's own, so the same file is right at every period.
+
+    An age that is wrong shows in the width of the loop. Of the other values one in twenty may lie beyond U.
+    """
     period, encoders = SYNC_AND_ITS_PERIOD[case]
     recipe = str(write_changed(QUICK_RECIPE, tmp_path / "quick.yaml", {"sampling": {"period": period}}))
     folder = Path(shutil.copytree(BENCHES, tmp_path / "benches"))
     bench = folder / "can-sensors.yaml"
     bench.write_text(bench.read_text(encoding="utf-8").replace("node_id: 12}", encoders), encoding="utf-8")
-    result = run_on(lostmotion, recipe, "can-sensors", folder)
-    assert beyond_its_uncertainty(result, true_of(recipe)) == []
-    assert result["verdict"] == "PASS"
+    truth = true_of(recipe)
+    widths = {name: value for name, value in truth.items() if name.startswith(("hysteresis_energy", "windup"))}
+    beyond = []
+    for seed in ("1", "2"):
+        result = run_on(lostmotion, recipe, "can-sensors", folder, ("--seed", seed))
+        assert result["verdict"] == "PASS"
+        assert beyond_its_uncertainty(result, widths, 0.5) == []
+        assert beyond_its_uncertainty(result, truth, 2.0) == []
+        beyond += beyond_its_uncertainty(result, truth)
+    assert len(beyond) <= 1, beyond
 
 
 def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_drive(lostmotion, recipe, truth):

@@ -194,9 +194,24 @@ def test_what_one_bench_can_do_is_named_by_its_devices_and_nothing_else() -> Non
 
 def test_an_undisturbed_wire_passes_everything_on() -> None:
     quiet = FaultSchedule(None)
-    assert FrameFaults(quiet, NODE, CONTROLLER).pass_on(0x185, b"\1\2") == [(0, 0x185, b"\1\2")]
+    assert FrameFaults(quiet, NODE, CONTROLLER).pass_on(0x185, b"\1\2") == [Frame(0, 0x185, b"\1\2")]
     assert ModbusFaults(quiet, MAPS).in_place("brake", b"\0" * 12) is None
     assert ModbusFaults(quiet, MAPS).answer("brake", b"\0" * 12, b"\1" * 12) == [(0.0, b"\1" * 12)]
+
+
+@pytest.mark.parametrize(("verb", "value", "heard"), [("command", None, [0x205]), ("babble", 3.0, [0x7E5] * 3)])
+def test_frames_of_others_come_with_each_sync_and_are_for_the_controller(verb, value, heard) -> None:
+    fault = Fault(target="can.bus", verb=verb, value=value, when={"state": "lock"})
+    found = FaultSchedule(Scenario(scenario={"name": "test"}, faults=(fault,)))
+    found.tell("lock", 10)
+    found.step(0)
+    bus = FrameFaults(found, NODE, CONTROLLER)
+    assert bus.pass_on(0x185, b"\1") == [Frame(0, 0x185, b"\1")]
+    sync, *others = bus.pass_on(0x080, b"")
+    assert sync == Frame(0, 0x080, b"")
+    assert [frame.cob_id for frame in others] == heard
+    assert all(frame.of_another for frame in others)
+    assert found.unseen() == []
 
 
 def test_what_the_station_does_is_left_to_it() -> None:

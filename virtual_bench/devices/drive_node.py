@@ -21,7 +21,6 @@ from virtual_bench.devices.drive_dictionary import DriveDictionary
 from virtual_bench.devices.pdo_parameters import SETPOINT_PDO
 from virtual_bench.devices.pdo_service import PdoService
 from virtual_bench.drive.axis import DriveAxis
-from virtual_bench.faults.frame_faults import FOREIGN_COB
 from virtual_bench.faults.injector import FaultInjector
 from virtual_bench.faults.scenario import Scenario
 from virtual_bench.physics.plant import Plant
@@ -71,9 +70,6 @@ class DriveNode:
         self._pass_on(cob_id, data, self._take)
 
     def _take(self, cob_id: int, data: bytes) -> None:
-        if cob_id == FOREIGN_COB:  # another node's, for everybody on the bus
-            self._bus_send(cob_id, data)
-            return
         channel = self._pdo.receive.get(cob_id)
         if channel is not None:
             if channel.number == SETPOINT_PDO:
@@ -111,7 +107,9 @@ class DriveNode:
     def _pass_on(self, cob_id: int, data: bytes, way: Receiver) -> None:
         """Let a frame through to `way` as the faults leave it, delayed ones when it is time."""
         for frame in self.faults.frames.pass_on(cob_id, data):
-            if frame.delay_ns:
+            if frame.of_another:
+                self._bus_send(frame.cob_id, frame.data)
+            elif frame.delay_ns:
                 self._time.after(frame.delay_ns * 1e-9, partial(way, frame.cob_id, frame.data))
             else:
                 way(frame.cob_id, frame.data)

@@ -24,7 +24,7 @@ from drivers.config import CanConfig, CanSensorConfig
 from virtual_bench.devices.modbus_gateway import HOST, ModbusGateway, ModbusTarget
 from virtual_bench.devices.process_lines import NOT_SEEN, LogLine, ParentInput, log_line, print_ready, tell_acted
 from virtual_bench.errors import VirtualBenchError
-from virtual_bench.faults.frame_faults import FOREIGN_COB, FrameFaults
+from virtual_bench.faults.frame_faults import FrameFaults
 from virtual_bench.faults.modbus_faults import ModbusFaults
 from virtual_bench.faults.scenario import Scenario
 from virtual_bench.faults.schedule import FaultSchedule
@@ -109,15 +109,15 @@ class CanGateway:
 
     def _pass_on(self, cob_id: int, data: bytes, way: Way) -> None:
         for frame in self.frames.pass_on(cob_id, data):
-            if frame.delay_ns:
+            if frame.of_another:
+                self._to_controller(frame.cob_id, frame.data)
+            elif frame.delay_ns:
                 asyncio.get_running_loop().call_later(frame.delay_ns * 1e-9, way, frame.cob_id, frame.data)
             else:
                 way(frame.cob_id, frame.data)
 
     def _to_bench(self, cob_id: int, data: bytes) -> None:
-        if cob_id == FOREIGN_COB:  # of a node that babbles: for the controller
-            self._to_controller(cob_id, data)
-        elif self._link is not None:
+        if self._link is not None:
             self._link.send(can.Message(arbitration_id=cob_id, data=data, is_extended_id=False))
 
     def _to_controller(self, cob_id: int, data: bytes) -> None:

@@ -24,11 +24,12 @@ SDO = "can.drive.sdo"
 
 
 class Frame(NamedTuple):
-    """A frame that arrives `delay_ns` later."""
+    """A frame that arrives `delay_ns` later; one `of_another` node is for the controller, wherever it was added."""
 
     delay_ns: int
     cob_id: int
     data: bytes
+    of_another: bool = False
 
 
 class FrameFaults:
@@ -110,10 +111,19 @@ class FrameFaults:
                 return []
             schedule.seen(target)
             frames = [Frame(delay_ns, cob_id, data), Frame(delay_ns, cob_id, held)]
-        babble = schedule.value(BUS, "babble") if cob_id == SYNC_COB else None
-        if babble is not None:
+        if cob_id == SYNC_COB:
+            frames += self._of_others()
+        return frames
+
+    def _of_others(self) -> list[Frame]:
+        """Return what others on the bus send with each SYNC."""
+        schedule = self._schedule
+        babble, commands = schedule.value(BUS, "babble"), schedule.value(BUS, "command")
+        frames = [Frame(0, FOREIGN_COB, bytes(8), of_another=True)] * round(babble or 0)
+        if commands is not None:
+            frames.append(Frame(0, RPDO1_BASE + self._node_id, bytes(8), of_another=True))
+        if frames:
             schedule.seen(BUS)
-            frames += [Frame(0, FOREIGN_COB, bytes(8))] * round(babble)
         return frames
 
     def _changed(self, target: str, cob_id: int, data: bytes) -> bytes:

@@ -6,12 +6,24 @@ import struct
 from collections.abc import Iterator
 
 import pytest
-from can_drive_support import CSV, EMCY, ENABLED, FAULT, HEARTBEAT, TPDO1, TPDO2, DriveOnBus, emergency, orders
+from can_drive_support import (
+    CSV,
+    EMCY,
+    ENABLED,
+    FAULT,
+    HEARTBEAT,
+    HEARTBEAT_SCANS,
+    TPDO1,
+    TPDO2,
+    DriveOnBus,
+    emergency,
+    orders,
+)
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from definitions.image import AGE_NEVER, DriveCommand, NmtState, Orders
-from drivers.servo_drive.drive import SILENT_AFTER_SCANS, VELOCITY_SCANS_AFTER_CSV
+from drivers.servo_drive.drive import OTHER_HEARD_FOR_HEARTBEATS, SILENT_AFTER_SCANS, VELOCITY_SCANS_AFTER_CSV
 
 
 @pytest.fixture
@@ -154,6 +166,19 @@ def test_frames_of_others_are_counted_only(bench: DriveOnBus) -> None:
     assert bench.drive.frames_foreign == 4
     assert bench.drive.age_scans(1) == AGE_NEVER
     assert bench.drive.nmt_state == NmtState.NEVER_HEARD
+
+
+@pytest.mark.parametrize("cob_id", [0x000, 0x080, 0x77E, 0x205, 0x305], ids=hex)
+def test_a_frame_that_only_we_may_send_tells_of_another_controller_for_several_heartbeats(
+    bench: DriveOnBus, cob_id: int
+) -> None:
+    bench.answer(0x0250)
+    bench.drive.poll(1)
+    assert not bench.drive.other_commands(1), "the drive's own frames say nothing"
+    bench.put(cob_id, bytes(1))
+    bench.drive.poll(2)
+    last = 2 + OTHER_HEARD_FOR_HEARTBEATS * HEARTBEAT_SCANS
+    assert [bench.drive.other_commands(scan) for scan in (2, last, last + 1)] == [True, True, False]
 
 
 FRAMES = st.tuples(

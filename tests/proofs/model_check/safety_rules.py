@@ -47,6 +47,7 @@ CONDITIONS: dict[str, Condition] = {
     "guard_open": Condition({"guard_closed": 0}, ALWAYS, 1, R.QUICK_STOP),
     "operator_quick_stop": Condition({"command": Command.QUICK_STOP}, (S.IDLE, *ALWAYS), 1, R.QUICK_STOP),
     "can_lost": Condition({"links_lost": Link.CAN}, ALWAYS, 1, R.POWER_OFF),
+    "other_controller": Condition({"links_lost": Link.CAN_SHARED}, ALWAYS, 1, R.POWER_OFF),
     "drive_heartbeat_lost": Condition({"drive_heartbeat_age_scans": 101}, ALWAYS, 1, R.POWER_OFF),
     "drive_data_stale": Condition({"drive_age_scans": 11}, ALWAYS, 1, R.POWER_OFF),
     "drive_data_stale (stopped)": Condition({"drive_nmt_state": NmtState.STOPPED}, ALWAYS, 1, R.POWER_OFF),

@@ -106,7 +106,6 @@ WITHOUT_INTERLOCK: dict[str, str] = {
     "guard_open": "Only hardware wired to the guard stops the drive; a ramp would continue with the guard open",
     "operator_quick_stop": "Only the emergency stop is left for a person to stop the bench",
     "can_lost": "The drive stops by itself when set-points and heartbeat are missing (drive objects 0x1400:5, 0x1016)",
-    "other_controller": "The drive follows whoever spoke last; its own limits are left, and validity checks of the run",
     "drive_heartbeat_lost": "A drive that lost its power shows as missing process data (drive_data_stale)",
     "drive_data_stale": "Angle and torque from the drive no longer change, unnoticed; its heartbeat may continue",
     "amplifier_lost": "Torque and angle no longer change; the interlock for their age reacts (sample_stale)",
@@ -136,6 +135,7 @@ WITHOUT_INTERLOCK: dict[str, str] = {
     "sample_not_ready": "Values of a sensor that is switched off or in calibration count as measured",
     "drive_not_following": "Detected only when a ramp does not reach its torque within its longest time",
     "angle_channels_disagree": "The angle sensor's slip makes the stiffness wrong; validity checks reject most runs",
+    "other_controller": "The drive follows whoever spoke last; its own limits are left, and validity checks of the run",
 }
 """What happens without each interlock of the controller, by its id: what is left then."""
 # fmt: on

@@ -70,6 +70,11 @@ def test_every_section_of_a_profile_is_on_the_page_of_its_options() -> None:
     assert "read_also (each)" in titles
 
 
+def test_the_readme_counts_the_interlocks_of_the_table() -> None:
+    readme = (ROOT / "README.md").read_text("utf-8")
+    assert re.findall(r"\*\*(\d+) interlocks\*\*", readme) == [str(sum(1 for fault in FAULTS if fault.live_in))]
+
+
 def test_the_page_on_safety_says_of_every_interlock_what_proves_it_and_what_is_left_without_it() -> None:
     assert list(WITHOUT_INTERLOCK) == [fault.id for fault in FAULTS if fault.live_in]
     rows = [line.split(" | ") for line in generate.safety().splitlines() if line.startswith("| `")]

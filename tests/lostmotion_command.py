@@ -10,11 +10,12 @@ import json
 import os
 import select
 import signal
+import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable
-from contextlib import redirect_stderr, redirect_stdout, suppress
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -29,6 +30,17 @@ SEED = "1"
 
 ON_A_CABLE = "example-socketcan"
 RUNS = (("run",), ("faults", "run"))
+
+
+@contextmanager
+def served(bench: Path) -> Iterator[dict[str, Any]]:
+    """Serve the virtual bench of a file as a process of its own, at free ports; what it says when it is ready."""
+    ports = ("--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0")
+    command = [*COMMAND, "virtual-bench", "--bench", str(bench), "--seed", SEED, *ports]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        assert process.stdout is not None
+        yield json.loads(process.stdout.readline())
+        process.terminate()
 
 
 def seeded(args: tuple[str, ...]) -> tuple[str, ...]:

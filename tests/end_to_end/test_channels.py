@@ -6,17 +6,15 @@ wind-up inside the unit.
 
 from __future__ import annotations
 
-import json
 import shutil
 import subprocess
 import tempfile
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 from libmodbus import compiled
-from lostmotion_command import COMMAND, ROOT
+from lostmotion_command import served
 from patient import QUICK_RECIPE, VIRTUAL_BENCH, write_changed
 from ruamel.yaml import YAML
 
@@ -154,17 +152,6 @@ def test_raw_frames_that_a_dbc_file_describes_and_a_brake_at_an_output_of_the_dr
     (said,) = [note for note in result["notes"] if "its outputs may fall then" in note]
     assert said.startswith("Brake: this device cannot prove that the lock stays closed")
     assert not any("brake is on: what was ordered" in note for note in result["notes"]), "a contact says so"
-
-
-@contextmanager
-def served(bench: Path) -> Iterator[dict]:
-    """The virtual bench of a file as a process of its own; what it says when it is ready."""
-    ports = ("--can", "127.0.0.1:0", "--modbus", "127.0.0.1:0")
-    command = [*COMMAND, "virtual-bench", "--bench", str(bench), "--seed", "1", *ports]
-    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
-        assert process.stdout is not None
-        yield json.loads(process.stdout.readline())
-        process.terminate()
 
 
 @pytest.fixture

@@ -57,17 +57,30 @@ def _heartbeat(bent: Bent, frame: Frame) -> list[Frame]:
     return [frame, _frame(0x700 + bent.node, bytes((bent.chance.choice((0, 4, 5, 127, 133, 255)),)))]
 
 
+def _commands(node: int) -> tuple[int, ...]:
+    """Identifiers of what only the controller may send: NMT, SYNC, its heartbeat, set-points of the drive."""
+    return (0x000, 0x080, 0x77E, 0x200 + node, 0x300 + node)
+
+
 def _foreign(bent: Bent, frame: Frame) -> list[Frame]:
     chance = bent.chance
     others = [_frame(chance.randrange(0x800), chance.randbytes(chance.randrange(9))) for _ in range(3)]
-    own = {base + bent.node for base in (0x080, 0x180, 0x280, 0x700)}
+    own = {*(base + bent.node for base in (0x080, 0x180, 0x280, 0x700)), *_commands(bent.node)}
     return [frame, *(other for other in others if other.arbitration_id not in own)]
 
 
 def _services(bent: Bent, frame: Frame) -> list[Frame]:
+    """Services of other nodes: process data, parameters, time."""
     chance = bent.chance
-    base = chance.choice((0x000, 0x100, 0x200, 0x300, 0x580, 0x600))
-    return [frame, _frame(base + (chance.randrange(128) if base else 0), chance.randbytes(8))]
+    cob_id = chance.choice((0x100, 0x200, 0x300, 0x580, 0x600)) + chance.randrange(128)
+    return [frame] if cob_id in _commands(bent.node) else [frame, _frame(cob_id, chance.randbytes(8))]
+
+
+def _controller(bent: Bent, frame: Frame) -> list[Frame]:
+    """Another controller's frame, now and then."""
+    if bent.chance.random() < 0.9:
+        return [frame]
+    return [frame, _frame(bent.chance.choice(_commands(bent.node)), bent.chance.randbytes(5))]
 
 
 def _extended(bent: Bent, frame: Frame) -> list[Frame]:
@@ -117,9 +130,10 @@ CAN_WAYS: dict[str, Callable[[Bent, Frame], list[Frame]]] = {
     "bits": _bits, "payload": _payload, "length": _length, "status": _status, "emergency": _emergency,
     "heartbeat": _heartbeat, "foreign": _foreign, "services": _services, "extended": _extended, "remote": _remote,
     "error": _error, "drop": _drop, "twice": _twice, "stale": _stale, "babble": _babble, "nudge": _nudge,
+    "controller": _controller,
 }  # fmt: skip
 CAN_HARMLESS = ("length", "foreign", "services", "extended", "remote", "error", "twice")
-"""Ways that a run goes on under: whatever else happens on a bus must not stop a test."""
+"""Ways that a run goes on under: what others have to do with each other on a bus must not stop a test."""
 
 
 class FrameBender:

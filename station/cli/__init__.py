@@ -19,7 +19,7 @@ from typer.main import get_group
 from station.cli.bench import commands as cli_bench
 from station.cli.bench.setup_commands import profile_app, schema
 from station.cli.commissioning.commands import bench_app
-from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse
+from station.cli.errors import EXIT_BENCH, can_be_mended, nobody_reads, program_failed, refuse, refuse_time_zone
 from station.cli.faults.commands import faults_app
 from station.cli.line import commands as cli_line
 from station.cli.measure import commands as cli_measure
@@ -218,6 +218,7 @@ def main(ahead: Mapping[str, Ahead] | None = None) -> None:
     never_crash()
     keep_out_of_working_folder()
     try:
+        refuse_time_zone()
         ended = command_line(*sys.argv[1:2])(standalone_mode=False, obj=ahead)
         sys.stdout.flush()  # a reader that is gone is told here, not when the interpreter ends with a code of its own
         sys.exit(ended)

@@ -7,6 +7,7 @@ import os
 import re
 import sys
 import tempfile
+import time
 import traceback
 from dataclasses import asdict, dataclass
 from errno import ENAMETOOLONG
@@ -74,6 +75,26 @@ EXIT_PROGRAM_ERROR = 70
 
 EXIT_NOBODY_READS = 141
 """As of a process that SIGPIPE ended: the reader of standard output went away, and no code may be taken for a PASS."""
+
+
+DAY_S = 86400
+
+
+def refuse_time_zone() -> None:
+    """Refuse a clock that is a day or more off UTC, as TZ=XXX-99 has it: Python tells no local time by it.
+
+    Looked at here once, as any command may tell a time.
+
+    Raises:
+        StationError: the computer's time zone is such a one.
+
+    """
+    off_s = time.localtime().tm_gmtoff
+    if abs(off_s) >= DAY_S:
+        raise StationError(
+            f"time zone of this computer ({os.environ.get('TZ') or 'TZ is not set'}): found {off_s / 3600:+.0f} h off "
+            "UTC; allowed is less than 24 h. Set the environment variable TZ to a zone such as Europe/Berlin"
+        )
 
 
 def _bad_input() -> tuple[type[Exception], ...]:

@@ -13,6 +13,7 @@ from station.cli.out_file import refuse_records, writing
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED
+from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.reports.illustrate import HTML, PDF
 from station.reports.report_of_run import made_report
 
@@ -20,7 +21,8 @@ from station.reports.report_of_run import made_report
 def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: bool) -> int:
     """Write report.html and report.pdf into the run's folder, or another one, and say where; return 0.
 
-    The verdict is the stored one. An altered record is reported as altered; a run without an end has no metrics.
+    The verdict is the stored one. An altered record is reported as altered, which the command says too, and returns 3;
+    a run without an end has no metrics.
 
     Raises:
         StationError, RecipeError: there is no such run, its record cannot be read, or the folder not be written.
@@ -35,17 +37,19 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     if folder.resolve() != run.folder.resolve():
         refuse_records(folder / HTML)
     _refuse_unwritable(folder)
+    altered = alterations(run)
     html, pdf = made_report(run, keep=out is None)
     for file, content in ((HTML, html), (PDF, pdf)):
         write_atomic(folder / file, content)
     paths = {"html": str(folder / HTML), "pdf": str(folder / PDF)}
     if as_json:
-        sys.stdout.write(json.dumps({"run": run.id, **paths}, ensure_ascii=False) + "\n")
+        sys.stdout.write(json.dumps({"run": run.id, **paths, "altered": altered}, ensure_ascii=False) + "\n")
     else:
-        sys.stdout.write(f"report  {paths['html']}\n        {paths['pdf']}\n")
+        places = f"report  {paths['html']}\n        {paths['pdf']}"
+        sys.stdout.write("\n".join([*alteration_lines(altered), places]) + "\n")
     if open_it:
         webbrowser.open((folder / HTML).resolve().as_uri())
-    return 0
+    return EXIT_ALTERED if altered else 0
 
 
 def _refuse_unwritable(folder: Path) -> None:

@@ -99,6 +99,15 @@ def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: st
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("zone", ["XXX-99", "XXX+24"])
+def test_a_time_zone_that_tells_no_time_is_bad_input(
+    zone: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TZ", zone)
+    done = command("runs", "--since", "2026-01-01", "--data", str(tmp_path))
+    assert (done.returncode, zone in done.stderr) == (2, True), done.stderr
+
+
 def test_a_crash_is_no_verdict(tmp_path: Path) -> None:
     crash = (
         "import sys, station.cli as cli, station.cli.runs.list_runs as runs\n"

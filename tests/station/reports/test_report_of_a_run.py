@@ -142,6 +142,19 @@ def test_an_altered_record_is_reported_as_altered(run: RunRecord, tmp_path: Path
     assert "loop.csv" not in page
 
 
+def test_the_command_says_that_it_reported_an_altered_record(run: RunRecord, tmp_path: Path) -> None:
+    words = ("report", run.id, "--data", str(run.folder.parent), "--out", str(tmp_path / "out"))
+    whole = here(*words, "--json")
+    assert (whole.exit_code, whole.json["altered"]) == (0, [])
+    with (run.folder / "recipe.yaml").open("ab") as file:
+        file.write(b"\n# changed\n")
+    told, said = here(*words), here(*words, "--json")
+    assert (told.exit_code, said.exit_code) == (3, 3)
+    assert "RECORD ALTERED" in told.out
+    assert len(said.json["altered"]) == 1
+    assert said.json["altered"][0].startswith("recipe.yaml")
+
+
 def test_a_run_without_a_result_has_a_report(run: RunRecord, tmp_path: Path) -> None:
     (run.folder / "result.json").unlink()
     manifest = {key: value for key, value in run.read_json("run.json").items() if key != "files"}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager, suppress
+from errno import ENOSPC
 from functools import lru_cache
 from json import JSONDecodeError
 from pathlib import Path
@@ -13,6 +14,7 @@ from sqlalchemy import Column, Connection, Dialect, MetaData, String, Table, ins
 from sqlalchemy.engine.mock import MockConnection
 from sqlalchemy.exc import SQLAlchemyError
 
+from station.atomic_file import NEXT_ACTIONS
 from station.errors import StationError
 from station.store.engines import BUSY_S, ENGINES
 from station.store.places import StorePlace
@@ -23,6 +25,10 @@ from station.store.tables import METADATA, RUNS
 ACTION = "Check that the database is running and that this user may write to it"
 REBUILD = "Run 'lostmotion store rebuild'"
 MOVE_AWAY = "Move this file away: the next look makes a new one"
+FREE_SPACE = NEXT_ACTIONS[ENOSPC]
+FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE, "53100", ENOSPC)
+"""How a full disk is told: by SQLite, by PostgreSQL (`disk_full`), by the system."""
+
 HEAD = "0010"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
 
@@ -204,10 +210,19 @@ def _told(place: StorePlace) -> Iterator[None]:
         yield
     except (SQLAlchemyError, OSError) as error:
         cause = " ".join(str(getattr(error, "orig", None) or error).split())
-        action = (REBUILD if place.own else MOVE_AWAY) if is_damaged(error) else ACTION
-        raise StoreError(f"{place.shown}: the store of runs cannot be used: {cause[:300]}. {action}") from error
+        raise StoreError(
+            f"{place.shown}: the store of runs cannot be used: {cause[:300]}. {_next_action(error, place)}"
+        ) from error
     except JSONDecodeError as error:  # of a value in a row
         raise StoreError(f"{place.shown}: the store of runs is damaged: {error}. {REBUILD}") from error
+
+
+def _next_action(error: SQLAlchemyError | OSError, place: StorePlace) -> str:
+    if is_damaged(error):
+        return REBUILD if place.own else MOVE_AWAY
+    cause = getattr(error, "orig", None) or error
+    codes = {getattr(cause, name, None) for name in ("sqlite_errorcode", "sqlstate", "errno")}
+    return FREE_SPACE if codes & {*FULL} else ACTION
 
 
 def is_damaged(error: BaseException | None) -> bool:

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import pytest
 from lostmotion_command import here
+from sqlalchemy import text
 from stored_runs import ASK, metric, rows_in, store_lot, store_run
 
 from station.cli.line.stored_values import stored_values
 from station.records.chain.chain_file import Chain
-from station.store.engine import StoreError
+from station.store.engine import FREE_SPACE, Database, StoreError
 from station.store.outbox import catch_up
 from station.store.places import FILE, STORE_URL
 from station.store.table_counts import behind, counts
@@ -40,6 +42,22 @@ def test_a_locked_store_is_waited_for_and_then_done_without(
     lock.close()
     assert bring_up(plain, 5.0) == 0
     assert len(stored_values(plain, ASK).values) == 7
+
+
+def test_a_full_disk_is_told_as_one(plain: Path) -> None:
+    """SQLite refuses to grow its file beyond a number of pages as it does on a full disk, with the same code."""
+    rows_in(plain)
+    with closing(opened(plain)) as database:
+        with pytest.raises(StoreError) as refused:
+            _fill(database)
+        assert "database or disk is full" in str(refused.value)
+        assert FREE_SPACE in str(refused.value)
+
+
+def _fill(database: Database) -> None:
+    with database.writing() as connection:
+        connection.execute(text("PRAGMA max_page_count = 1"))
+        connection.execute(text("CREATE TABLE more AS SELECT zeroblob(100000)"))
 
 
 @pytest.mark.parametrize("damage", [b"this is no database" * 100, b""])

@@ -26,8 +26,12 @@ ACTION = "Check that the database is running and that this user may write to it"
 REBUILD = "Run 'lostmotion store rebuild'"
 MOVE_AWAY = "Move this file away: the next look makes a new one"
 FREE_SPACE = NEXT_ACTIONS[ENOSPC]
-FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE, "53100", ENOSPC)
-"""How a full disk is told: by SQLite, by PostgreSQL (`disk_full`), by the system."""
+FULL: dict[str, tuple[object, ...]] = {
+    "sqlite_errorcode": (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE),
+    "sqlstate": ("53100",),
+    "errno": (ENOSPC,),
+}
+"""How a full disk is told: by SQLite, by PostgreSQL (`disk_full`), by the system, each by a number of its own."""
 
 HEAD = "0010"
 """Version of the tables that this program works with; the newest one below `migrations/versions`."""
@@ -221,8 +225,8 @@ def _next_action(error: SQLAlchemyError | OSError, place: StorePlace) -> str:
     if is_damaged(error):
         return REBUILD if place.own else MOVE_AWAY
     cause = getattr(error, "orig", None) or error
-    codes = {getattr(cause, name, None) for name in ("sqlite_errorcode", "sqlstate", "errno")}
-    return FREE_SPACE if codes & {*FULL} else ACTION
+    full = any(getattr(cause, name, None) in codes for name, codes in FULL.items())
+    return FREE_SPACE if full else ACTION
 
 
 def is_damaged(error: BaseException | None) -> bool:

@@ -159,7 +159,7 @@ FAULTS: dict[tuple[str, str], Verb] = {
     ("can.bus", "babble"): Verb(
         "foreign frames with each SYNC, 1 to 50", 1, 50, "frames with unknown CAN identifiers arrive"
     ),
-    ("can.bus", "command"): _plain("the controller hears a set-point with each SYNC that it has not sent"),
+    ("can.bus", "command"): _plain("with each SYNC the controller hears a set-point that it has not sent"),
     ("drive.statusword", "stuck"): _plain("the status word keeps its value"),
     ("drive.controlword", "ignore"): _plain("transitions are refused: control words change nothing"),
     ("drive.setpoint", "ignore"): _plain("set-points are ignored, and bit 12 of the status word says so"),

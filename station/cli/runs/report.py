@@ -19,10 +19,10 @@ from station.reports.report_of_run import made_report
 
 
 def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: bool) -> int:
-    """Write report.html and report.pdf into the run's folder, or another one, and say where; return 0.
+    """Write report.html and report.pdf into the run's folder, or another one, and say where.
 
-    The verdict is the stored one. An altered record is reported as altered, which the command says too, and returns 3;
-    a run without an end has no metrics.
+    Returns 0, and 3 for an altered record: report and command say so. The verdict is the stored one; a run without an
+    end has no metrics.
 
     Raises:
         StationError, RecipeError: there is no such run, its record cannot be read, or the folder not be written.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 from contextlib import closing
+from errno import EACCES
 from pathlib import Path
 
 import pytest
@@ -52,6 +53,18 @@ def test_a_full_disk_is_told_as_one(plain: Path) -> None:
             _fill(database)
         assert "database or disk is full" in str(refused.value)
         assert FREE_SPACE in str(refused.value)
+
+
+def test_a_file_that_may_not_be_read_is_no_full_disk(plain: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """13 is `EACCES` of the system, and SQLite's number for a full disk."""
+
+    def refuse(_url: object) -> None:
+        raise PermissionError(EACCES, "Permission denied")
+
+    monkeypatch.setattr("station.store.engine.ENGINES.take", refuse)
+    with pytest.raises(StoreError, match="Permission denied") as refused:
+        opened(plain)
+    assert FREE_SPACE not in str(refused.value)
 
 
 def _fill(database: Database) -> None:

@@ -35,6 +35,7 @@ def trend(look: Production, by: str) -> object:
 FIGURES: dict[str, Callable[[Production], object]] = {
     "yield": lambda look: yield_of(look, LOT),
     "yield by month": lambda look: yield_of(look, LOT, "month"),
+    "runs that are not believed": lambda look: look.disbelieved(LOT),
     "Pareto": lambda look: causes_of(look, LOT),
     "capability of all metrics": lambda look: capability_of(look, LOT),
     "control chart": lambda look: chart_of(look, LOT, METRIC, RULE_SETS["western-electric"]),

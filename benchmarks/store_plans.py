@@ -47,7 +47,7 @@ QUESTIONS: dict[str, Callable[[Path], object]] = {
     **{
         name: partial(on_a_page, FIGURES[name])
         for name in ("yield by month", "Pareto", "capability of all metrics", "control chart", "trend by month",
-                     "limits on trial")
+                     "limits on trial", "runs that are not believed")
     },
     "start of a run: another recipe": lambda data: another_recipe(data, "small", 1, "another", most_s=1.0),
 }  # fmt: skip

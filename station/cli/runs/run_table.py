@@ -52,6 +52,12 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
     if as_csv and out is None:
         sys.stdout.write(csv_of(rows, LOCALES[locale]))
         return 0
+    if not rows and not as_csv and not as_json:
+        none_meant = (
+            f"{data}: none of {counted(len(view.runs), 'run')} is meant" if view.runs else f"{data}: holds no runs"
+        )
+        sys.stdout.write(f"{none_meant}\n")
+        return 0
     runs = [
         {name: row.cell(name) for name in RUN_COLUMNS}
         | {"metrics": [column._asdict() | value._asdict() for column, value in row.values.items()]}
@@ -62,13 +68,12 @@ def runs(data: Path, wanted: Wanted, out: Path | None, locale: str, *, as_csv: b
 
 def moment_of(text: str, option: str = "--since") -> str:
     """Return a date, or a date and time, as the runs have theirs: in UTC; StationError for what is none."""
-    try:
-        moment = datetime.fromisoformat(text)
-    except ValueError:
+    try:  # the first and the last day of the calendar may have no moment in UTC
+        return datetime.fromisoformat(text).astimezone(UTC).isoformat(timespec="milliseconds")
+    except (ValueError, OverflowError):
         raise StationError(
             f"{option}: found {text!r}; allowed is a date, as in 2026-01-31 or 2026-01-31T08:00"
         ) from None
-    return moment.astimezone(UTC).isoformat(timespec="milliseconds")
 
 
 def _blocks(rows: list[RunTableRow]) -> list[str | Grid]:

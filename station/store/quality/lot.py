@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, func, select
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, and_, func, not_, or_, select
 
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
@@ -62,27 +62,27 @@ class Production:
 
     def of(self, asked: Select[Any], lot: Lot, *, first: bool = True) -> Select[Any]:
         """Return a statement on `RUNS` with the conditions of a lot; first: first attempts alone."""
-        asked = asked.where(RUNS.c.chain == self.chain.id, RUNS.c.in_production, RUNS.c.virtual.is_(lot.virtual))
-        asked = asked.where(self.trusted())
-        for name in ("recipe", "model", "bench"):
-            value = getattr(lot, name)
-            if value is not None:
-                asked = asked.where(RUNS.c[name] == value)
-        if lot.since is not None:
-            asked = asked.where(RUNS.c.started >= lot.since)
-        if lot.until is not None:
-            asked = asked.where(RUNS.c.started < lot.until)
+        asked = asked.where(RUNS.c.in_production, self.trusted())
+        asked = self._asked_for(asked, lot)
         return asked.where(RUNS.c.first) if first else asked
+
+    def _asked_for(self, asked: Select[Any], lot: Lot) -> Select[Any]:
+        return asked.where(RUNS.c.chain == self.chain.id, *_meant(lot))
 
     def of_hours(self, asked: Select[Any], table: Table, lot: Lot) -> Select[Any]:
         """Return a statement on a table by the hour with the conditions of a lot, which is one of whole hours."""
-        signed = ("", *self.keys) if self.unsigned_count else self.keys
-        asked = asked.where(table.c.chain == self.chain.id, table.c.virtual.is_(lot.virtual), table.c.key.in_(signed))
+        return self._hours_asked_for(asked, table, lot).where(table.c.key.in_(self._signed()))
+
+    def _hours_asked_for(self, asked: Select[Any], table: Table, lot: Lot) -> Select[Any]:
+        asked = asked.where(table.c.chain == self.chain.id, table.c.virtual.is_(lot.virtual))
         for name in ("recipe", "model", "bench"):
             value = getattr(lot, name)
-            if value is not None:
-                asked = asked.where(table.c[name] == value)
+            asked = asked if value is None else asked.where(table.c[name] == value)
         return between_hours(asked, table, lot.since, lot.until)
+
+    def _signed(self) -> tuple[str, ...]:
+        """Return the keys of runs that count as the tables by the hour name them: '' for those that name none."""
+        return ("", *self.keys) if self.unsigned_count else self.keys
 
     def counted(self, columns: Columns, lot: Lot, *, first: bool = True, by_hours: bool = True) -> Select[Any]:
         """Return a statement for the number of runs of a lot by columns of a run, which stand before it in a row.
@@ -152,15 +152,33 @@ class Production:
 
         All attempts count, and master parts and the runs of guided studies too; runs of injected faults do not.
         """
-        asked = select(RUNS.c.run).where(RUNS.c.chain == self.chain.id, RUNS.c.state == COMPLETE, self.trusted())
-        asked = asked.where(RUNS.c.virtual.is_(lot.virtual), RUNS.c.altered == "", RUNS.c.scenario.is_(None))
+        asked = self._asked_for(select(RUNS.c.run), lot)
+        asked = asked.where(RUNS.c.state == COMPLETE, RUNS.c.altered == "", RUNS.c.scenario.is_(None), self.trusted())
         asked = asked if serial is None else asked.where(RUNS.c.serial == serial)
-        for name in ("recipe", "model", "bench"):
-            value = getattr(lot, name)
-            asked = asked if value is None else asked.where(RUNS.c[name] == value)
-        asked = asked if lot.since is None else asked.where(RUNS.c.started >= lot.since)
-        asked = asked if lot.until is None else asked.where(RUNS.c.started < lot.until)
         return list(self.connection.execute(asked.order_by(RUNS.c.run)).scalars())
+
+    def disbelieved(self, lot: Lot) -> int:
+        """Return how many runs of a lot no figure counts because their records are not believed.
+
+        They were altered since they were sealed, or are signed by a key that this computer does not know. Of an
+        altered run nobody can say whether it was of a guided study: it is told as one of the production.
+        """
+        # of a record whose start cannot be read nobody can say that it is not meant
+        meant = or_(RUNS.c.started.is_(None), and_(*_meant(lot)))
+        altered = select(func.count()).select_from(RUNS).where(RUNS.c.chain == self.chain.id, meant)
+        altered = altered.where(~RUNS.c.in_production, RUNS.c.altered != "")  # the index has the few that are not
+        altered = altered.where(RUNS.c.master == "", RUNS.c.scenario.is_(None))
+        return int(self.connection.execute(altered).scalar_one()) + self._signed_by_unknown_keys(lot)
+
+    def _signed_by_unknown_keys(self, lot: Lot) -> int:
+        if not whole_hours(lot.since, lot.until):
+            asked = self._asked_for(select(func.count()).select_from(RUNS), lot)
+            asked = asked.where(RUNS.c.in_production, not_(self.trusted()))
+        else:
+            number = select(func.coalesce(func.sum(RUN_HOURS.c.runs), 0)).select_from(RUN_HOURS)
+            asked = self._hours_asked_for(number, RUN_HOURS, lot).where(RUN_HOURS.c.in_production)
+            asked = asked.where(RUN_HOURS.c.key.not_in(self._signed()))
+        return int(self.connection.execute(asked).scalar_one())
 
     def choices(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return all recipes and models of the folder."""
@@ -182,11 +200,25 @@ class Production:
             f" Of {kinds[1]} units there are {count}: "
             + ("leave out --virtual" if lot.virtual else "choose them with --virtual")
         )  # fmt: skip
+        disbelieved = self.disbelieved(lot)
+        if disbelieved:
+            hint = f" Not counted, because their records are not believed: {disbelieved}. 'lostmotion verify' says why"
         raise StationError(f"{self.chain.data}: the chosen lot has no run of a {kinds[0]} unit.{hint}")
 
     def _number(self, lot: Lot) -> int:
         rows = self.connection.execute(self.counted(lambda runs: (runs.c.virtual,), lot, first=False))
         return sum(number for _, number in rows)
+
+
+def _meant(lot: Lot) -> list[ColumnElement[bool]]:
+    """Return the conditions of a lot on `RUNS`."""
+    named = {name: getattr(lot, name) for name in ("recipe", "model", "bench")}
+    meant = [
+        RUNS.c.virtual.is_(lot.virtual),
+        *(RUNS.c[name] == value for name, value in named.items() if value is not None),
+    ]
+    meant += [] if lot.since is None else [RUNS.c.started >= lot.since]
+    return meant + ([] if lot.until is None else [RUNS.c.started < lot.until])
 
 
 @contextmanager

@@ -78,3 +78,18 @@ def test_a_guard_is_said_to_be_a_multiple_of_the_uncertainty() -> None:
         told = " ".join(here(*words).out.split())
         assert "as a multiple of the uncertainty U" in told, words
         assert "width of the guard band" not in told
+
+
+def test_a_figure_says_that_an_altered_run_is_not_in_it(tmp_path: Path) -> None:
+    """A FAIL whose record was altered was left out without a word, and the yield was better than the units are."""
+    data = tmp_path / "runs"
+    store_run(data, "GOOD", [metric(0.5)], day=0)
+    bad = store_run(data, "BAD", [metric(1.5)], day=1, failed="lost_motion").folder / "result.json"
+    assert "not counted" not in here("quality", "yield", "--data", str(data)).out
+    bad.write_text(bad.read_text(encoding="utf-8").replace("FAIL", "PASS"), encoding="utf-8")
+    assert here("list", "--data", str(data)).exit_code == 0  # compares
+    found = here("quality", "yield", "--data", str(data))
+    assert "1 of 1" in found.out
+    assert "not counted: 1 run" in found.out
+    alone = here("quality", "yield", "--data", str(data), "--since", "2026-01-06")
+    assert (alone.exit_code, "not believed: 1" in alone.err) == (2, True)

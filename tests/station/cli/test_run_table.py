@@ -90,7 +90,15 @@ def test_the_screen_names_what_failed_and_json_has_the_numbers(data: Path) -> No
 
 
 @pytest.mark.parametrize(
-    "words", [("--verdict", "GOOD"), ("--since", "yesterday"), ("--locale", "fr"), ("--data", "nowhere")]
+    "words",
+    [
+        ("--verdict", "GOOD"),
+        ("--since", "yesterday"),
+        ("--since", "0001-01-01T00:00+14:00"),
+        ("--since", "9999-12-31T23:59-12:00"),
+        ("--locale", "fr"),
+        ("--data", "nowhere"),
+    ],
 )
 def test_bad_input_is_refused(data: Path, words: tuple[str, ...]) -> None:
     ran = here("runs", *(() if words[0] == "--data" else ("--data", str(data))), *words)
@@ -126,3 +134,11 @@ def test_an_earlier_attempt_whose_record_was_changed_has_no_verdict_here_either(
     store_run(data, "A1", [metric(0.5)], day=1)
     (first.folder / "result.json").write_text("{}")
     assert [row["attempts"] for row in table("--data", str(data))] == ["attempt 1", "attempt 2; attempt 1 altered"]
+
+
+def test_where_no_run_is_meant_it_is_said_whether_there_are_any(data: Path, tmp_path: Path) -> None:
+    assert here("runs", "--data", str(data), "--serial", "nobody").out == f"{data}: none of 4 runs is meant\n"
+    empty = tmp_path / "empty"
+    empty.mkdir()
+    assert here("runs", "--data", str(empty)).out == f"{empty}: holds no runs\n"
+    assert here("runs", "--data", str(empty), "--json").json == {"runs": []}

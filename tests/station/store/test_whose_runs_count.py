@@ -83,3 +83,32 @@ def test_an_attempt_that_is_lost_or_was_altered_is_never_set_aside(tmp_path: Pat
         assert [one.aside for one in again.manifest().before or ()] == [None]
     with production(tmp_path) as look:
         assert first_verdicts(look, Lot()) == Verdicts()
+
+
+BESIDES: dict[str, dict[str, Any]] = {"of a master part": {"master": "FAIL"}, **ASIDE}
+
+
+@pytest.mark.parametrize(
+    ("since", "until"),
+    [(None, None), ("2026-01-05T00:00:00+00:00", None), ("2026-01-05T08:01:00+00:00", "2026-01-20T00:01:00+00:00")],
+    ids=["all", "by whole hours", "by minutes"],
+)
+def test_who_is_not_believed_is_told_as_not_counted(
+    tmp_path: Path, store_url: str | None, since: str | None, until: str | None
+) -> None:
+    del store_url
+    store_run(tmp_path, "SOUND", [metric(0.4)], day=0)
+    altered = [store_run(tmp_path, "ALTERED", [metric(1.4)], day=1, failed="lost_motion")]
+    altered += [store_run(tmp_path, "B", [metric(0.4)], day=day, **BESIDES[why]) for day, why in enumerate(BESIDES, 2)]
+    for run in altered:
+        result = run.folder / "result.json"
+        result.write_bytes(result.read_bytes() + b" ")
+    unreadable = store_run(tmp_path, "UNREADABLE", [metric(0.4)], day=6).folder / "run.json"
+    unreadable.write_bytes(b"")
+    store_run(tmp_path, "STRANGE", [metric(0.4)], day=7)
+    lot = Lot(since=since, until=until)
+    with look_at(tmp_path), production(tmp_path) as look:
+        assert look.disbelieved(lot) == 2, "that of a product, and the one of which nobody can say what it was of"
+        assert look.disbelieved(lot._replace(recipe="another")) == 1
+        stranger = replace(look, keys=(STRANGE,), unsigned_count=False)
+        assert stranger.disbelieved(lot) == 4 - (since is not None and since > "2026-01-05T00:00:00+00:00")

@@ -27,6 +27,7 @@ from station.quality.figures import capability_of, chart_of, trend_of
 from station.records.data_folder import Store
 from station.records.revisions.history import History
 from station.store.quality.lot import Lot, production
+from station.store.view import look_at
 from station.web.languages import ENGLISH, LANGUAGES, words_of
 from station.web.pages.quality.parts import numbers_of
 from station.web.pages.quality_figures import (
@@ -62,7 +63,12 @@ def folder(quick_run: Any, tmp_path_factory: pytest.TempPathFactory) -> Path:
     for number in range(26):
         store_run(data, "MASTER-1", [metric(0.5 + 0.001 * (number % 5))], day=number / 2, master="PASS")
     store_run(data, "V1", [metric(0.7)], day=15, virtual="P1")
-    return data
+    altered = (
+        store_run(data, "ALTERED", [metric(1.5, verdict="FAIL")], day=16, failed="lost_motion").folder / "result.json"
+    )
+    altered.write_bytes(altered.read_bytes() + b" ")
+    with look_at(data):
+        return data
 
 
 def test_pictures_hold_their_limits_and_mark_what_is_signalled(folder: Path) -> None:
@@ -158,6 +164,7 @@ def test_a_quality_engineer_sees_the_lot_and_the_bench(page_of: Enter, station: 
     assert page.locator(".lm-shares b").first.inner_text() == "93.3 %"
     page.wait_for_selector(".lm-words:has-text('every 137.2 points')")
     page.wait_for_selector(".lm-words:has-text('groups: found 1')")
+    page.wait_for_selector("text=Not counted: 1 run")
     assert page.locator(".lm-capability tr").count() == 2
     assert page.locator("img[src=x]").count() == 0
     page.set_viewport_size({"width": 1280, "height": 800})

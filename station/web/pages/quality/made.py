@@ -77,6 +77,12 @@ def choices(data: Path) -> Choices:
         )
 
 
+def page_disbelieved(data: Path, lot: Lot) -> int:
+    """Return how many runs of a lot no figure counts because their records are not believed."""
+    with production(data, most_s=CATCH_UP_S) as look:
+        return look.disbelieved(lot)
+
+
 def page_yield(data: Path, lot: Lot, by: str) -> YieldFigure:
     """Return the yield of a lot over time."""
     with production(data, most_s=CATCH_UP_S) as look:

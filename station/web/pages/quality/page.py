@@ -24,7 +24,15 @@ from station.web.pages.frame import (
 )
 from station.web.pages.quality.batch import BatchCard
 from station.web.pages.quality.bench import BenchTab
-from station.web.pages.quality.made import choices, page_capability, page_causes, page_chart, page_trend, page_yield
+from station.web.pages.quality.made import (
+    choices,
+    page_capability,
+    page_causes,
+    page_chart,
+    page_disbelieved,
+    page_trend,
+    page_yield,
+)
 from station.web.pages.quality.parts import card, day_of, draw, made_beside
 from station.web.pages.quality.studies import GuidedStudies
 from station.web.pages.quality.trial import TrialCard
@@ -63,6 +71,12 @@ BEHIND = (
     "Not in the store yet: {count} runs. The store is catching up: look again soon.",
 )
 """What is said of one run, and of several, that the figures do not have yet."""
+
+DISBELIEVED = (
+    "Not counted: {count} run whose record is not believed. 'lostmotion verify' says why.",
+    "Not counted: {count} runs whose records are not believed. 'lostmotion verify' says why.",
+)
+"""What is said of one run, and of several, that no figure counts."""
 
 
 class Asked(NamedTuple):
@@ -204,12 +218,15 @@ class _Quality:
     async def _again(self) -> None:
         if self._filling or not await still_open(self._station, self._session):
             return
+        lot = self._lot()
         self._say(self._behind)
         self._trial.forget()
         self._report.show()
+        disbelieved = await made_beside(self._station, page_disbelieved, lot, say=self._words, said=self._say)
+        if disbelieved and lot == self._lot():
+            self._say(" ".join(filter(None, (self._behind, self._words.counted(disbelieved, *DISBELIEVED)))))
         await self._show_yield()
         await self._show_causes()
-        lot = self._lot()
         found = await made_beside(self._station, page_capability, lot, say=self._words, said=self._say)
         if lot != self._lot():
             return  # another one was chosen meanwhile, and is shown by whoever chose it

@@ -316,8 +316,8 @@ FAULTS: tuple[Fault, ...] = (
           live_in=LOCKED,
           time=Time("20 ms", 20.0)),
     Fault(46, "other_controller", R.POWER_OFF, 0, "Another controller commands on the CAN bus",
-          "A set-point, a SYNC, an NMT command or a heartbeat of the controller came from somebody else: another "
-          "program, a hand-held tool or a second controller is connected",
+          "A set-point, a SYNC, an NMT command, a heartbeat of the controller or an SDO request that writes came from "
+          "somebody else: another program, a hand-held tool or a second controller is connected",
           "Keep clear of the shafts: the drive may follow the other one. End the other program or disconnect it, then "
           "acknowledge",
           live_in=ALWAYS),

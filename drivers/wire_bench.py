@@ -194,7 +194,8 @@ class WireBench:
         self._can_nodes = dict(self._nodes())
         listeners: dict[int, Listener] = {frame.identifier: frame for _, frame in self._can_frames}
         listeners |= {identifier: node for identifier, (_, node) in self._can_nodes.items()}
-        self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners)
+        nodes = [sensor.node_id for sensor in self.config.can_sensors if sensor.node_id is not None]
+        self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners, nodes)
         if self.output_brake is not None:
             self.output_brake.opened(self._drive, outputs)
         self._image.opened()

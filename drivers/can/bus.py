@@ -196,4 +196,5 @@ def _open_bus(config: CanConfig) -> can.BusABC:
             bitrate=config.bitrate,
             settle_s=config.serial_settle_s,
         )
-    return can.Bus(interface=config.interface, channel=config.channel)
+    # A file or variable of python-can's own could add options, as that our own frames come back to us.
+    return can.Bus(interface=config.interface, channel=config.channel, ignore_config=True)

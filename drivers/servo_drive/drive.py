@@ -8,7 +8,8 @@ clamped, counted, and shows as an internal limit in the next image.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from math import ceil
 from operator import attrgetter
 from types import MappingProxyType
 from typing import NamedTuple, Protocol
@@ -18,6 +19,7 @@ from definitions.number_formats import IGNORED
 from definitions.profiles.drive import ReceivePdo
 from definitions.protections import NONE
 from drivers.can.bus import CanLink
+from drivers.can.other_controller import OurFrames
 from drivers.can.wires import Frame
 from drivers.config import DriveConfig
 from drivers.servo_drive.cia402 import control_word, decode_state
@@ -25,7 +27,6 @@ from drivers.servo_drive.data_types import picker, to_integer
 from drivers.servo_drive.pdo import (
     EMCY_BASE,
     HEARTBEAT_BASE,
-    NMT_COB_ID,
     SYNC_COB_ID,
     PdoCodec,
     rpdo_cob_id,
@@ -42,8 +43,8 @@ FRAMES_AFTER_GAP = 512
 VELOCITY_SCANS_AFTER_CSV = 10
 """Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
 
-OTHER_HEARD_FOR_HEARTBEATS = 5
-"""Another controller counts as there for as many of our heartbeats after its last frame."""
+OTHER_HEARD_FOR_S = 3.0
+"""Another controller counts as there for so long after its last frame: it may send a heartbeat each second only."""
 
 SILENT_AFTER_SCANS = 50
 """Age of the process data from which on a drive that is to be off gets no set-points any more.
@@ -126,10 +127,12 @@ class CanDrive:
         config: DriveConfig,
         heartbeat_scans: int,
         listeners: Mapping[int, Listener] = _NO_LISTENERS,
+        sensor_nodes: Iterable[int] = (),
     ) -> None:
         """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats.
 
-        `listeners`: who takes the frames of other nodes, by their identifiers.
+        `listeners`: who takes the frames of other nodes, by their identifiers. `sensor_nodes`: the sensors that have a
+        node id, which nobody else may write to.
         """
         self._listeners = dict(listeners)
         self.link = link
@@ -146,7 +149,9 @@ class CanDrive:
         self.emergencies: deque[Emergency] = deque(maxlen=32)
         self.frames_malformed = 0
         self.frames_foreign = 0
+        self._ours = OurFrames(config, sensor_nodes)
         self._other_until_scan = -1
+        self._other_heard_for_scans = ceil(OTHER_HEARD_FOR_S * heartbeat_scans / config.controller_heartbeat_s)
         self.setpoints_clamped = 0
         self.setpoint_is_clamped = False
         self._polls_with_frames_left = 0
@@ -176,8 +181,6 @@ class CanDrive:
         self._picked = picker([self._places.get(name, self._unmapped) for name in SCAN_VALUES])
         names = ("controlword", "mode", "target_torque", "target_velocity", "digital_outputs")
         self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
-        controller = HEARTBEAT_BASE + config.controller_node_id
-        self._ours_to_send = {NMT_COB_ID, SYNC_COB_ID, controller, *(sender.cob_id for sender in self._senders)}
         self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
         self._emcy_cob_id = EMCY_BASE + config.node_id
         self._sync: Frame = (SYNC_COB_ID, b"")
@@ -219,8 +222,8 @@ class CanDrive:
             listener = self._listeners.get(cob_id)
             if listener is None:
                 self.frames_foreign += 1
-                if cob_id in self._ours_to_send:  # no bus gives us our own frames back: somebody else has sent it
-                    self._other_until_scan = scan + OTHER_HEARD_FOR_HEARTBEATS * self._heartbeat_scans
+                if self._ours.name_of(cob_id, data):  # no bus gives us our own frames back: somebody else has sent it
+                    self._other_until_scan = scan + self._other_heard_for_scans
             else:
                 listener.take(data, scan)
 
@@ -242,7 +245,7 @@ class CanDrive:
     def other_commands(self, scan: int) -> bool:
         """Tell whether another controller was heard lately: a frame that only we may send has come.
 
-        It stays so for several heartbeats, so that one that sends now and then is not gone between two of its frames.
+        It stays so for `OTHER_HEARD_FOR_S`, so that one that sends now and then is not gone between two of its frames.
         """
         return scan <= self._other_until_scan
 

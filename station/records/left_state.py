@@ -44,7 +44,8 @@ def left_state(table: Table, program: StoredProgram, *, to_its_end: bool = True)
         lock="open" if not image["brake_on"] and current_a <= CLOSED_CURRENT_A else "closed",
         lock_known=to_its_end and bool(heard_lock) and isfinite(current_a),
         drive="on" if int(image["drive_state"]) in ENERGISED else "off",
-        drive_known=to_its_end and bool(int(image["drive_age_scans"]) <= old and not links & Link.CAN),
+        drive_known=to_its_end
+        and bool(int(image["drive_age_scans"]) <= old and not links & (Link.CAN | Link.CAN_SHARED)),
         release_torque_nm=round(float(program.release_torque_nm), 3),
     )
     return replace(left, text=left_text(left), next_action=left_action(left))

@@ -14,6 +14,7 @@ from drivers.config import CanConfig
 from drivers.servo_drive.drive import CanDrive
 
 HEARTBEAT_SCANS = 20
+SENSOR_NODE = 10
 TPDO1, TPDO2, HEARTBEAT, EMCY = 0x185, 0x285, 0x705, 0x085
 ENABLED, FAULT = 0x1637, 0x0218
 CST, CSV = int(DriveMode.CYCLIC_SYNC_TORQUE), int(DriveMode.CYCLIC_SYNC_VELOCITY)
@@ -26,7 +27,8 @@ class DriveOnBus:
         self.link: CanLink = open_can(CanConfig("virtual", channel))
         self.other = can.Bus(interface="virtual", channel=channel)
         raw = dict(raw_profile("virtual-drive")) | profile
-        self.drive = CanDrive(self.link, drive_config(profile=drive_profile(raw)), HEARTBEAT_SCANS)
+        config = drive_config(profile=drive_profile(raw))
+        self.drive = CanDrive(self.link, config, HEARTBEAT_SCANS, sensor_nodes=(SENSOR_NODE,))
 
     def put(self, cob_id: int, data: bytes, **kind: bool) -> None:
         self.other.send(can.Message(arbitration_id=cob_id, data=data, **({"is_extended_id": False} | kind)))

@@ -138,6 +138,19 @@ def test_two_clients_see_each_other_and_the_drive_answers_sync(served: Served) -
         assert len(receive(one, 0x285)) == 8
 
 
+def test_an_identifier_of_29_bits_is_none_of_11(served: Served) -> None:
+    with served.bus() as one, served.bus() as two:
+        send(one, 0x000, b"\x01\x05")
+        one.send(can.Message(arbitration_id=0x080, is_extended_id=True))
+        message = two.recv(5.0)
+        while message is not None and message.arbitration_id == 0x000:
+            message = two.recv(5.0)
+        assert message is not None
+        assert (message.arbitration_id, message.is_extended_id) == (0x080, True)
+        with pytest.raises(AssertionError):
+            receive(two, 0x185, 0.1)
+
+
 def test_no_process_data_before_the_node_is_operational(served: Served) -> None:
     with served.bus() as bus:
         send(bus, 0x080, b"")

@@ -17,6 +17,10 @@ BACKLOG_BYTES = 256 * 1024  # a client that reads nothing loses frames beyond th
 QUIET_S = 0.05  # python-can takes whatever follows `< ok >` in one packet for a wrong answer
 MAX_COMMAND_BYTES = 4096
 
+EXTENDED = 0x80000000
+"""Mark of an identifier of 29 bits, as in Linux (`CAN_EFF_FLAG`): of 29 bits 0x205 is another frame than of 11."""
+
+SHORT_IDENTIFIER_DIGITS = 3
 Frame = tuple[int, bytes]
 Listener = Callable[[int, bytes], None]
 
@@ -96,7 +100,8 @@ class SocketcandServer:
             for client in self._clients:
                 if client is not sender:
                     client.queue(text)
-        self._on_frame(cob_id, data)
+        if not cob_id & EXTENDED:  # no device of the bench has identifiers of 29 bits
+            self._on_frame(cob_id, data)
 
 
 class SocketcandClient(asyncio.Protocol):
@@ -190,6 +195,7 @@ class SocketcandClient(asyncio.Protocol):
     def _take_frame(self, words: list[bytes]) -> None:
         try:
             cob_id, size = int(words[2], 16), int(words[3], 16)
+            extended = len(words[2]) > SHORT_IDENTIFIER_DIGITS
             data = bytes([int(word, 16) for word in words[4:]])
         except (ValueError, IndexError):
             self._refuse(b" ".join(words[1:]))
@@ -197,11 +203,12 @@ class SocketcandClient(asyncio.Protocol):
         if size > 8 or len(data) != size or not 0 <= cob_id <= 0x1FFFFFFF:
             self._refuse(b" ".join(words[1:]))
             return
-        self._server.received(self, cob_id, data)
+        self._server.received(self, cob_id | EXTENDED if extended else cob_id, data)
 
     def _refuse(self, command: bytes) -> None:
         self._transport.write(b"< error unknown command " + command[:80].strip() + b" >")
 
 
 def _frame_text(cob_id: int, data: bytes, clock_offset_s: float) -> bytes:
-    return b"< frame %03X %.6f %s >" % (cob_id, time.time() + clock_offset_s, data.hex().upper().encode())
+    identifier = b"%08X" % (cob_id ^ EXTENDED) if cob_id & EXTENDED else b"%03X" % cob_id
+    return b"< frame %s %.6f %s >" % (identifier, time.time() + clock_offset_s, data.hex().upper().encode())

@@ -330,3 +330,12 @@ def test_socketcan_stays_lost_but_goes_on_trying() -> None:
     assert link.lost_because == "sending failed: Transmit buffer full"
     assert link.receive() is None
     link.close()
+
+
+def test_what_somebody_set_for_python_can_makes_no_bus_of_ours_another_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Our own frames would come back, and be taken for those of another controller."""
+    monkeypatch.setenv("CAN_CONFIG", '{"receive_own_messages": true}')
+    link = open_can(CanConfig("virtual", "own-frames"))
+    link.send_frames([(0x080, b"")])
+    assert link.take(10) == []
+    link.close()

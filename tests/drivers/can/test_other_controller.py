@@ -27,7 +27,9 @@ QUIET = (
     (TPDO1, ENABLED[:5]),  # not a status frame of this profile
     (0x285, ENABLED),  # no status word in this one
     (0x186, ENABLED),  # another drive
-    (0x205, b"\x0f\x00\x0a\x00\x00"),
+    (0x080, b""),  # a drive may send SYNC until it is set up
+    (0x605, b"\x40\x72\x60\x00\x00\x00\x00\x00"),  # somebody reads from the drive
+    (0x606, b"\x2b\x72\x60\x00\x88\x13\x00\x00"),  # somebody writes to another one
 )
 
 
@@ -52,7 +54,10 @@ def put(bus: can.BusABC, cob_id: int, data: bytes, **kind: bool) -> None:
 @pytest.mark.parametrize(
     ("cob_id", "data", "told"),
     [
-        (OUR_HEARTBEAT, b"\x05", "node 126: another controller is active on this bus: found a heartbeat 0x77E"),
+        (OUR_HEARTBEAT, b"\x05", "another controller is active on this bus: found a heartbeat 0x77E"),
+        (0x000, b"\x01\x05", "another controller is active on this bus: found an NMT command 0x000"),
+        (0x205, b"\x0f\x00\x0a\x00\x00", "another controller is active on this bus: found a set-point 0x205"),
+        (0x605, b"\x2b\x72\x60\x00\x88\x13\x00\x00", "found an SDO request that writes 0x605"),
         (TPDO1, ENABLED, "node 5: another controller is active on this bus: found a drive that is enabled"),
     ],
 )

@@ -13,17 +13,19 @@ from can_drive_support import (
     FAULT,
     HEARTBEAT,
     HEARTBEAT_SCANS,
+    SENSOR_NODE,
     TPDO1,
     TPDO2,
     DriveOnBus,
     emergency,
     orders,
 )
+from drivers_support import drive_config
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from definitions.image import AGE_NEVER, DriveCommand, NmtState, Orders
-from drivers.servo_drive.drive import OTHER_HEARD_FOR_HEARTBEATS, SILENT_AFTER_SCANS, VELOCITY_SCANS_AFTER_CSV
+from drivers.servo_drive.drive import OTHER_HEARD_FOR_S, SILENT_AFTER_SCANS, VELOCITY_SCANS_AFTER_CSV
 
 
 @pytest.fixture
@@ -168,17 +170,35 @@ def test_frames_of_others_are_counted_only(bench: DriveOnBus) -> None:
     assert bench.drive.nmt_state == NmtState.NEVER_HEARD
 
 
-@pytest.mark.parametrize("cob_id", [0x000, 0x080, 0x77E, 0x205, 0x305], ids=hex)
-def test_a_frame_that_only_we_may_send_tells_of_another_controller_for_several_heartbeats(
-    bench: DriveOnBus, cob_id: int
+@pytest.mark.parametrize(
+    ("cob_id", "data"),
+    [
+        *((cob_id, bytes(1)) for cob_id in (0x000, 0x080, 0x77E, 0x205, 0x305)),
+        (0x605, b"\x2b\x72\x60\x00\x88\x13\x00\x00"),
+        (0x605, b"\xc2\x00\x16\x01\x08\x00\x00\x00"),
+        (0x605, b"\x01\x00\x00\x00\x00\x00\x00\x00"),
+        (0x600 + SENSOR_NODE, b"\x2b\x72\x60\x00\x88\x13\x00\x00"),
+    ],
+    ids=("nmt", "sync", "heartbeat", "rpdo1", "rpdo2", "sdo write", "block write", "segment", "sensor's sdo"),
+)
+def test_a_frame_that_only_we_may_send_tells_of_another_controller_for_a_while(
+    bench: DriveOnBus, cob_id: int, data: bytes
 ) -> None:
     bench.answer(0x0250)
     bench.drive.poll(1)
     assert not bench.drive.other_commands(1), "the drive's own frames say nothing"
-    bench.put(cob_id, bytes(1))
+    bench.put(cob_id, data)
     bench.drive.poll(2)
-    last = 2 + OTHER_HEARD_FOR_HEARTBEATS * HEARTBEAT_SCANS
+    last = 2 + round(OTHER_HEARD_FOR_S / drive_config().controller_heartbeat_s * HEARTBEAT_SCANS)
     assert [bench.drive.other_commands(scan) for scan in (2, last, last + 1)] == [True, True, False]
+
+
+def test_who_only_reads_by_sdo_or_writes_to_another_node_commands_nobody(bench: DriveOnBus) -> None:
+    for cob_id, first in ((0x605, 0x40), (0x605, 0x60), (0x605, 0xA0), (0x605, 0x80), (0x606, 0x2B), (0x585, 0x60)):
+        bench.put(cob_id, bytes((first, *bytes(7))))
+    bench.put(0x605, b"")
+    bench.drive.poll(1)
+    assert not bench.drive.other_commands(1)
 
 
 FRAMES = st.tuples(

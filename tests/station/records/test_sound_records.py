@@ -9,7 +9,7 @@ import pytest
 from station_samples import IMAGE, ORDERS
 
 from definitions.faults import FAULTS
-from definitions.image import Image, Orders, State
+from definitions.image import Image, Link, Orders, State
 from station.atomic_file import as_json
 from station.documents.entries import plain
 from station.records.left_state import left_state
@@ -83,6 +83,23 @@ def test_a_sensor_that_gives_no_number_is_unknown_and_no_torque_counts_as_none(c
     assert (left.torque_nm is None) == (channel == "torque_out_nm")
     assert "treat the unit as wound up" in left.next_action
     as_json([plain(left), [plain(event) for event in events_of(table, 1_000_000, [])]])
+
+
+@pytest.mark.parametrize("link", [Link.CAN, Link.CAN_SHARED])
+def test_a_drive_that_another_controller_may_switch_on_again_is_not_known_to_be_off(link: Link) -> None:
+    """Nobody is told to turn a shaft by hand while another controller is on the bus."""
+    last = QUIET._replace(state=int(State.FAULT))
+    stored = {"torque_out_nm": 100.0, "brake_on": 1, "brake_current_a": 2.0, "drive_state": 0}
+    known = IMAGE._replace(drive_age_scans=0, sample_age_scans=0, brake_age_scans=0, links_lost=0, **stored)
+    alone, shared = (
+        left_state(sound_table(records(QUIET, last, image=known._replace(links_lost=lost))), PROGRAM)
+        for lost in (0, int(link))
+    )
+    assert alone is not None
+    assert shared is not None
+    assert (alone.drive_known, shared.drive_known) == (True, False)
+    assert "by hand" in alone.next_action
+    assert "by hand" not in shared.next_action
 
 
 def test_an_emergency_message_behind_the_state_fault_explains_it() -> None:

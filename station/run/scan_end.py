@@ -16,6 +16,7 @@ from station.records.run_record import RunRecord
 from station.records.samples.scan_record import unpack
 from station.run import children
 from station.run.outcome import RunOutcome, cause_name, scan_report
+from station.run.silent_scan import WHY_ENDED
 from station.scan.scan_spec import EXIT_REFUSED
 from station.wall_clock import JumpWatch
 
@@ -39,10 +40,12 @@ def outcome_of(
     *,
     embedded: bool,
     interrupted: bool,
+    given_up: bool = False,
 ) -> RunOutcome:
     """Return how a scan process ended that is not there any more; one that did not say so is marked dead in its ring.
 
     `embedded`: its bench is a process beside it, and still runs; `interrupted`: the operator asked for a stop.
+    `given_up`: it did not answer any more, and was ended by its supervisor.
 
     Raises:
         BenchFaultError: the bench could not be opened, or the operator stopped before it was; nothing has moved.
@@ -58,7 +61,7 @@ def outcome_of(
     trouble = ""
     if said.state != "finished" and ring.state is not ScanState.FINISHED:
         ring.mark_died()
-        reason = said.error or children.why_it_ended(process)
+        reason = said.error or (WHY_ENDED if given_up else children.why_it_ended(process))
         trouble = (
             f"the scan process was lost in the middle of the run ({reason}). The drive stops itself when it misses "
             "the controller's heartbeat; torque may still be stored in the unit"

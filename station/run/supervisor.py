@@ -1,8 +1,9 @@
 """The supervisor of a real-time run: starts the processes, brings the records to disk, passes the operator's wishes on.
 
-Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop. A terminal
-that is closed counts as Ctrl-C, and a screen that cannot be written to any more ends nothing. Whatever ends the
-run, no process and no ring file stays behind, and every record that was written is in the run's folder.
+Ctrl-C once asks for a stop: the torque is brought to zero before the lock opens. Twice is a quick stop, or the end of a
+scan process that says nothing any more. A terminal that is closed counts as Ctrl-C, and a screen that cannot be written
+to any more ends nothing. Whatever ends the run, no process and no ring file stays behind, and every record that was
+written is in the run's folder.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ from station.run.faults.companion import Companion, Reach
 from station.run.outcome import RunOutcome, take_room
 from station.run.process_specs import write_bench_spec, write_scan_spec
 from station.run.scan_end import SCAN_LOG, outcome_of, what_waits
+from station.run.silent_scan import SilentScan
 from station.wall_clock import JumpWatch
 
 BENCH_LOG = "virtual-bench.jsonl"
@@ -144,7 +146,7 @@ class Supervisor:
             if self._companion is not None:
                 tell = None if life_line is None else life_line.tell
                 self._companion.begin(Reach(process.pid, ring.send, tell))
-            self._serve(process, ring, writer)
+            given_up = self._serve(process, ring, writer)
             try:
                 writer.finish()
                 outcome = outcome_of(
@@ -155,6 +157,7 @@ class Supervisor:
                     self._wall_clock,
                     embedded=life_line is not None,
                     interrupted=self._stopping.asked > 0,
+                    given_up=given_up,
                 )
                 outcome.keep(self._record)
             except RecordError as error:
@@ -206,10 +209,14 @@ class Supervisor:
 
     # --- running
 
-    def _serve(self, process: subprocess.Popen[bytes], ring: RingReader, writer: RecordWriter) -> None:
-        """Pass on what the scan and the operator have to say until the scan process has ended."""
+    def _serve(self, process: subprocess.Popen[bytes], ring: RingReader, writer: RecordWriter) -> bool:
+        """Pass on what the scan and the operator have to say until the scan process has ended.
+
+        Return whether it was ended here, because it said nothing any more.
+        """
         started = shown = time.monotonic()
         armed = False
+        scan = SilentScan(ring, self._say, process.kill)
         while process.poll() is None:
             time.sleep(LOOK_EVERY_S)
             ring.beat()
@@ -222,7 +229,8 @@ class Supervisor:
                 raise BenchFaultError(
                     f"the scan process did not start within {ARM_TIMEOUT_S:.0f} s. Close other programs and run again"
                 )
-            self._pass_on(ring, process, armed=armed)
+            scan.look()
+            self._pass_on(ring, process, scan, armed=armed)
             if self._attend is not None and ring.written:
                 self._attend(ring)
             self._look()
@@ -234,6 +242,7 @@ class Supervisor:
                 self._show(writer.newest)
         if ring.written:
             self._show(ring.last())
+        return scan.ended
 
     def _look(self) -> None:
         """Show the companion the records since the last look; in this thread, which alone sends commands."""
@@ -255,13 +264,15 @@ class Supervisor:
         else:
             process.terminate()
 
-    def _pass_on(self, ring: RingReader, process: subprocess.Popen[bytes], *, armed: bool) -> None:
+    def _pass_on(self, ring: RingReader, process: subprocess.Popen[bytes], scan: SilentScan, *, armed: bool) -> None:
         """Tell what was asked for, and pass it on; before the start there is nothing to unload."""
         command = self._stopping.take_command()
         if not command:
             return
         if not armed:
             process.terminate()
+            return
+        if scan.end(command):
             return
         self._say(STOP_WORDS[command])
         ring.send(command)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 from functools import partial
 from pathlib import Path
@@ -13,6 +15,7 @@ from station.records.run_record import RunRecord
 from station.records.seal import is_sealed
 from station.run.asked_to_stop import STOP_WORDS, Stopping, listening
 from station.run.screen.late_screen import LateScreen
+from station.run.silent_scan import SilentScan
 from station.run.way_back.recover import recover, resume
 
 
@@ -59,9 +62,14 @@ def resume_run(name: str, data: Path, *, as_json: bool, report: bool | None = No
 def _take_over(run: RunRecord, *, as_json: bool) -> None:
     stopping = Stopping()
     with LateScreen(run, as_json=as_json) as screen, listening(stopping.hear):
+        scans: list[SilentScan] = []  # one, from the first look on
 
         def attend(ring: RingReader) -> None:
-            if command := stopping.take_command():
+            if not scans:
+                scans.append(SilentScan(ring, screen.say, lambda: os.kill(ring.pid, signal.SIGKILL)))
+            (scan,) = scans
+            scan.look()
+            if (command := stopping.take_command()) and not scan.end(command):
                 screen.say(STOP_WORDS[command])
                 ring.send(command)
             screen.look(ring)

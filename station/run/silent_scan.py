@@ -17,12 +17,15 @@ from station.records.ring.ring import ScanState
 SILENT_AFTER_S = 3.0
 """Time without a record after which a scan is silent: longer than any wait of it for a device, or for the disk."""
 
+GIVEN_UP_AFTER_S = 10.0
+"""Silence after which a scan that was asked to stop, if only once, is ended: a page asks once, and would wait on."""
+
 MOST_OF_A_LOOK_S = 0.1
 """Silence that one look may add: in what the supervisor was held up itself, nobody could have been heard."""
 
 SILENT = (
     "the scan process says nothing any more. Keep clear of the shafts: the unit may be under torque. Ctrl-C asks it to "
-    "stop; if it stays silent, Ctrl-C again ends it"
+    "stop; if it stays silent it is ended, by Ctrl-C again at once"
 )
 GIVEN_UP = "the scan process does not answer, and is ended. The drive stops itself when it misses the controller"
 WHY_ENDED = "it did not answer any more, and was ended when asked for"
@@ -36,6 +39,7 @@ class SilentScan:
         self._ring, self._say, self._kill = ring, say, kill
         self._written, self._looked_s = 0, time.monotonic()
         self._silent_s = 0.0
+        self._asked = False
         self.ended = False
         """Whether its process was ended here."""
 
@@ -54,12 +58,19 @@ class SilentScan:
         self._written, self._looked_s = written, now_s
         if self.silent and not was_silent:
             self._say(SILENT)
+        if self._asked and self._silent_s > GIVEN_UP_AFTER_S:
+            self._end()
 
     def end(self, command: Command) -> bool:
         """End the process of a silent scan whose person asks for more than a stop; return whether that was done."""
+        self._asked = True
         if not self.silent or command is not Command.QUICK_STOP or self.ended:
             return False
-        self.ended = True
-        self._say(GIVEN_UP)
-        self._kill()
+        self._end()
         return True
+
+    def _end(self) -> None:
+        if not self.ended:
+            self.ended = True
+            self._say(GIVEN_UP)
+            self._kill()

@@ -17,7 +17,7 @@ from station.records.process_birth import process_birth
 from station.records.ring.ring import ScanState
 from station.records.samples.scan_record import RECORD_BYTES
 from station.run import silent_scan
-from station.run.silent_scan import GIVEN_UP, SILENT, SILENT_AFTER_S, SilentScan
+from station.run.silent_scan import GIVEN_UP, GIVEN_UP_AFTER_S, SILENT, SILENT_AFTER_S, SilentScan
 
 
 class Ring:
@@ -79,6 +79,18 @@ def test_only_who_asks_again_while_it_is_silent_ends_it_and_once(desk: Desk) -> 
     assert desk.scan.end(Command.QUICK_STOP)
     assert not desk.scan.end(Command.QUICK_STOP)
     assert (desk.ends, desk.scan.ended, desk.told) == (1, True, [SILENT, GIVEN_UP])
+
+
+def test_who_asks_once_waits_for_a_silent_scan_so_long_and_no_longer(desk: Desk) -> None:
+    desk.look(1.0, 20)
+    desk.look(2 * GIVEN_UP_AFTER_S, 0)
+    assert desk.ends == 0, "nobody has asked for a stop"
+    desk.look(0.1, 20)
+    assert not desk.scan.end(Command.STOP)
+    desk.look(GIVEN_UP_AFTER_S - 1.0, 0)
+    assert desk.ends == 0
+    desk.look(2.0, 0)
+    assert (desk.ends, desk.scan.ended) == (1, True)
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from pathlib import Path
 from definitions.number_formats import LARGEST_COUNT
 from station.atomic_file import seen_text, sync_folder
 from station.documents.entries import plain
-from station.documents.manifest import EarlierAttempt, Manifest, RunningProcess, Setup
+from station.documents.manifest import EarlierAttempt, Manifest, Setup
 from station.errors import RecordError, StationError
 from station.records.archive_note import only_archived
 from station.records.attempts import earlier_attempts
@@ -32,9 +32,8 @@ from station.records.chain.lookup import last_attempt
 from station.records.chain.old_index import INDEX
 from station.records.chain.writing import writing_to
 from station.records.folder_check import about_concluded, is_from_here, runs_before
-from station.records.process_birth import process_birth
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
-from station.records.run_record import MANIFEST, RECORDING, RunRecord
+from station.records.run_record import MANIFEST, RECORDING, RunRecord, running_process
 from station.records.samples.layout import CURRENT, LAYOUT
 from station.records.seal import RESTORE
 from station.there import is_folder, is_there
@@ -209,7 +208,7 @@ class Store:
                     started=now_text(),
                     ended=None,
                     format=FORMAT_VERSION,
-                    desk=RunningProcess(pid=os.getpid(), birth=process_birth(os.getpid())),
+                    desk=running_process(os.getpid()),
                 )
                 record.write_json(CREATED_MANIFEST, plain(manifest))
                 parts = {"recipe": setup.recipe.sha256, "bench": setup.bench.sha256, "clock_right": clock_right}

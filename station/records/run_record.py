@@ -68,6 +68,11 @@ NOT_CONCLUDED = "not concluded"
 """Shown state of a run that no process owns any more and that nobody has concluded yet; never written to run.json."""
 
 
+def running_process(pid: int) -> RunningProcess:
+    """Return what names a process that runs for good: `Manifest.desk` of the runs that it supervises."""
+    return RunningProcess(pid=pid, birth=process_birth(pid))
+
+
 class RunRecord:
     """One run's folder."""
 

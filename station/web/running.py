@@ -20,13 +20,12 @@ from definitions.program import Program
 from recipes import Recipe, RecipeError
 from station.atomic_file import open_file
 from station.bench.request import load_job, stored_job
-from station.documents.manifest import Manifest, attempt_text
+from station.documents.manifest import Manifest, RunningProcess, attempt_text
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.master_parts import to_do_with_part
-from station.records.process_birth import process_birth
-from station.records.run_record import RECORDING, RESULT, RunRecord
+from station.records.run_record import RECORDING, RESULT, RunRecord, running_process
 from station.records.samples.scan_record import RECORD_BYTES
 from station.records.seal import alterations, is_sealed
 from station.reports.headline import badges, manifest_badges
@@ -109,8 +108,8 @@ class Running:
     def __init__(self, data: Path) -> None:
         self._data = data
         self._process: subprocess.Popen[bytes] | None = None
-        self._born = ""
-        """When it was started: a run of before may have had the same process id."""
+        self._begun: RunningProcess | None = None
+        """By what it is known: a run of before may have had the same process id."""
         self._serial = ""
         self._watched: _Watched | None = None
         self._ended: Now | None = None
@@ -141,7 +140,7 @@ class Running:
                 self._process = self._newest = self._next.start(words, stdout=said, stderr=said)
         except OSError as error:
             raise StationError(f"the run cannot be started: {error.strerror}") from error
-        self._born = process_birth(self._process.pid)
+        self._begun = running_process(self._process.pid)
         self._serial, self._refused, self._watched, self._ended = serial, "", None, None
         self._looked = -math.inf
 
@@ -230,8 +229,7 @@ class Running:
         for record in reversed(newest):
             try:
                 manifest = record.manifest()
-                desk = manifest.desk
-                ours = self._process is not None and (desk.pid, desk.birth) == (self._process.pid, self._born)
+                ours = self._process is not None and manifest.desk == self._begun
                 is_on = manifest.state == RECORDING and not record.deserted()
                 last = self._process is None and self._ended is None and not self._refused and record is newest[-1]
                 if ours or is_on or last:

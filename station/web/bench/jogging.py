@@ -18,10 +18,10 @@ from threading import RLock, Thread
 
 from definitions.jog import TOKEN_EVERY_S
 from definitions.program import Program
+from station.documents.manifest import RunningProcess
 from station.errors import StationError
 from station.own_program import own_module
-from station.records.process_birth import process_birth
-from station.records.run_record import RunRecord
+from station.records.run_record import RunRecord, running_process
 from station.run.jog.jogs import FOLDER, program_of
 from station.run.jog.keys import END, LET_GO, PRESS
 from station.web.running import RUNNING, STARTING, Now, Running
@@ -68,7 +68,8 @@ class Jogging:
         self._running = Running(data / FOLDER)
         self._process: subprocess.Popen[bytes] | None = None
         self._one_at_a_time = RLock()
-        self._owner = self._name = self._born = ""
+        self._owner = self._name = ""
+        self._begun: RunningProcess | None = None
         self._held = 0
         self._heard_s = self._seen_s = 0.0
         self._program: tuple[str, Program | None, bool] = ("", None, False)
@@ -87,7 +88,7 @@ class Jogging:
                 raise StationError(f"the jog cannot be started: {error.strerror}") from error
             assert process.stdin is not None  # noqa: S101 - it was asked for
             os.set_blocking(process.stdin.fileno(), False)
-            self._born = process_birth(process.pid)
+            self._begun = running_process(process.pid)
             self._owner, self._name, self._held = owner, name, 0
             self._seen_s = time.monotonic()
         Thread(target=self._watch, args=(process,), daemon=True).start()
@@ -156,8 +157,7 @@ class Jogging:
         with suppress(StationError):
             record = RunRecord(self._data / FOLDER / now.run)
             if now.run and self._process is not None:
-                desk = record.manifest().desk
-                return (desk.pid, desk.birth) == (self._process.pid, self._born)
+                return record.manifest().desk == self._begun
         return False
 
     def _about(self, now: Now) -> tuple[Program | None, bool]:

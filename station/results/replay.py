@@ -65,9 +65,10 @@ Take = Callable[[Values], Values]
 
 
 def _taking(places: Sequence[int]) -> Take:
-    """Return what takes the values at these places of a tuple."""
-    if len(places) == 1:
-        return lambda values: (values[places[0]],)
+    """Return what takes the values at these places of a tuple, as a tuple; where they follow each other, as a whole."""
+    first = places[0]
+    if list(places) == list(range(first, first + len(places))):
+        return itemgetter(slice(first, first + len(places)))
     return itemgetter(*places)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -18,8 +19,14 @@ PROFILES = Path(__file__).parents[2] / "drivers" / "profiles"
 PERIOD_NS = 1_000_000
 
 
+@cache
+def _profile_as_json(name: str) -> str:
+    return json.dumps(YAML(typ="safe", pure=True).load(PROFILES / f"{name}.yaml"))
+
+
 def raw_profile(name: str) -> Any:
-    return YAML(typ="rt").load(PROFILES / f"{name}.yaml")
+    """Return a shipped profile, to be changed at will: parsed once, for that takes longer than most of these tests."""
+    return json.loads(_profile_as_json(name))
 
 
 def drive_profile(raw: Any) -> DriveProfile:

@@ -56,6 +56,16 @@ class YieldFigure:
     groups: tuple[YieldRow, ...]
 
 
+def left_out_of(production: Production, lot: Lot) -> list[str]:
+    """Return what a reader must know of runs that no figure of a lot counts: a line for each reason, none for none."""
+    why = "altered since they were sealed, or signed by a key that this computer does not know"
+    reasons = (
+        ("not in the store yet, and not counted", production.behind, ""),
+        ("not believed, and not counted", production.disbelieved(lot), f" ({why}); 'lostmotion verify' names them"),
+    )
+    return [f"{what}: {counted(number, 'run')}{more}" for what, number, more in reasons if number]
+
+
 def yield_of(production: Production, lot: Lot, by: str | None = None, level: float = 0.95) -> YieldFigure:
     """Return first-pass and final yield; StationError for a lot without runs."""
     production.refuse_empty(lot)

@@ -21,6 +21,7 @@ from station.quality.figures import (
     capability_of,
     causes_of,
     chart_of,
+    left_out_of,
     said_beside,
     trend_of,
     yield_of,
@@ -64,12 +65,7 @@ def _interval(one: Proportion) -> str:
 def lot_note(look: Production, lot: Lot) -> list[str]:
     """Return what a reader must know of the runs behind the figures."""
     notes = ["VIRTUAL: units of the virtual bench"] if lot.virtual else []
-    behind = f"not in the store yet, and not counted: {counted(look.behind, 'run')}"
-    notes += [behind] if look.behind else []
-    disbelieved = look.disbelieved(lot)
-    why = "altered since they were sealed, or signed by a key that this computer does not know"
-    said = f"not believed, and not counted: {counted(disbelieved, 'run')} ({why}); 'lostmotion verify' names them"
-    return notes + ([said] if disbelieved else [])
+    return notes + left_out_of(look, lot)
 
 
 def print_yield(data: Path, lot: Lot, by: str | None, level: float, *, as_json: bool) -> int:

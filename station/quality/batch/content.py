@@ -11,7 +11,7 @@ from station.counted import counted
 from station.documents.result import Limits
 from station.errors import StationError
 from station.quality.batch.names import column_of, names_of
-from station.quality.figures import CapabilityRow, capability_of, causes_of, said_beside, yield_of
+from station.quality.figures import CapabilityRow, capability_of, causes_of, left_out_of, said_beside, yield_of
 from station.records.run_record import RunRecord
 from station.reports.loop_curves import FALLING, RISING, Line, loop_curves
 from station.reports.result_text import limits_text, unit_text
@@ -79,7 +79,7 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
         limited = [one for one in there if one.limited]
         capability = capability_of(look, lot).rows if limited else ()
         series = {(one, side): values(look, lot, one, side) for one in there for side in one.sides}
-        again, behind = retests_of(look, lot), look.behind
+        again, left_out = retests_of(look, lot), left_out_of(look, lot)
     names = names_of(there)
     by_run: dict[str, dict[tuple[Characteristic, str], float]] = {}
     serials: dict[str, tuple[str, str]] = {}
@@ -93,7 +93,7 @@ def batch_of(data: Path, lot: Lot, most_loops: int, told: Callable[[str], None] 
     first, final = yields.whole.first_pass, yields.whole.final
     spans = sorted(moment for _, moment in serials.values())
     notes = ["VIRTUAL: units of the virtual bench"] if lot.virtual else []
-    notes += [f"not in the store yet: {counted(behind, 'run')}"] if behind else []
+    notes += left_out
     notes += [f"not drawn: {counted(without, 'loop')}"] if without else []
     notes += [text for row in capability for text in said_beside(row, names[row.metric])]
     facts = (

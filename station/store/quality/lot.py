@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, and_, func, not_, or_, select
+from sqlalchemy import ColumnElement, Connection, Select, Subquery, Table, and_, func, not_, or_, select, true
 
 from station.errors import StationError
 from station.records.chain.chain_file import Chain
@@ -67,7 +67,7 @@ class Production:
         return asked.where(RUNS.c.first) if first else asked
 
     def _asked_for(self, asked: Select[Any], lot: Lot) -> Select[Any]:
-        return asked.where(RUNS.c.chain == self.chain.id, *_meant(lot))
+        return asked.where(RUNS.c.chain == self.chain.id, RUNS.c.virtual.is_(lot.virtual), *_meant(lot))
 
     def of_hours(self, asked: Select[Any], table: Table, lot: Lot) -> Select[Any]:
         """Return a statement on a table by the hour with the conditions of a lot, which is one of whole hours."""
@@ -160,14 +160,13 @@ class Production:
     def disbelieved(self, lot: Lot) -> int:
         """Return how many runs of a lot no figure counts because their records are not believed.
 
-        They were altered since they were sealed, or are signed by a key that this computer does not know. Of an
-        altered run nobody can say whether it was of a guided study: it is told as one of the production.
+        They were altered since they were sealed, or are signed by a key that this computer does not know. What an
+        altered run says of itself, as that it is of a master part or of a virtual unit, takes it out of no lot.
         """
         # of a record whose start cannot be read nobody can say that it is not meant
-        meant = or_(RUNS.c.started.is_(None), and_(*_meant(lot)))
+        meant = or_(RUNS.c.started.is_(None), and_(true(), *_meant(lot)))
         altered = select(func.count()).select_from(RUNS).where(RUNS.c.chain == self.chain.id, meant)
         altered = altered.where(~RUNS.c.in_production, RUNS.c.altered != "")  # the index has the few that are not
-        altered = altered.where(RUNS.c.master == "", RUNS.c.scenario.is_(None))
         return int(self.connection.execute(altered).scalar_one()) + self._signed_by_unknown_keys(lot)
 
     def _signed_by_unknown_keys(self, lot: Lot) -> int:
@@ -211,12 +210,9 @@ class Production:
 
 
 def _meant(lot: Lot) -> list[ColumnElement[bool]]:
-    """Return the conditions of a lot on `RUNS`."""
+    """Return the conditions of a lot on `RUNS`, but for whether its units are virtual."""
     named = {name: getattr(lot, name) for name in ("recipe", "model", "bench")}
-    meant = [
-        RUNS.c.virtual.is_(lot.virtual),
-        *(RUNS.c[name] == value for name, value in named.items() if value is not None),
-    ]
+    meant = [RUNS.c[name] == value for name, value in named.items() if value is not None]
     meant += [] if lot.since is None else [RUNS.c.started >= lot.since]
     return meant + ([] if lot.until is None else [RUNS.c.started < lot.until])
 

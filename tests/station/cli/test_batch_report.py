@@ -15,6 +15,7 @@ from station.quality.batch.files import HTML, PDF, _histograms, csv_of
 from station.reports.pdf_pages import layout
 from station.results.export import LOCALES
 from station.store.quality.lot import Lot
+from station.store.view import look_at
 
 FORMULA = "=HYPERLINK(1)"
 
@@ -102,6 +103,16 @@ def test_units_that_were_measured_again_are_named(tmp_path: Path) -> None:
     again = store_run(data, "U1", [metric(0.5)], day=2)
     tables = {table.name: table for table in batch_of(data, Lot(), 0).tables}
     assert tables["retests"].rows == ((again.id, "U1", "PASS", "attempt 2; attempt 1 FAIL Lost motion"),)
+
+
+def test_a_report_says_how_many_runs_it_leaves_out(tmp_path: Path) -> None:
+    for day in range(3):
+        store_run(tmp_path, f"U{day}", [metric(0.5)], day=day)
+    assert not any("not counted" in note for note in batch_of(tmp_path, Lot(), 0).notes)
+    bad = store_run(tmp_path, "BAD", [metric(1.5)], day=4, failed="lost_motion").folder / "result.json"
+    bad.write_bytes(bad.read_bytes() + b" ")
+    with look_at(tmp_path):
+        assert any("not counted: 1 run " in note for note in batch_of(tmp_path, Lot(), 0).notes)
 
 
 def test_a_page_a_pdf_and_files_with_every_loop(quick_run: Any, tmp_path: Path) -> None:

@@ -69,20 +69,8 @@ NEWTON_METRES = _units(
 OTHER_TORQUES = _units(
     *("kN·m", "MN·m", "mN·m", "µN·m", "uN·m", "daN·m", "N·cm", "N·mm", "kN·mm", "kN·cm", "Kilonewtonmeter"),
     *("Millinewtonmeter", "kilonewton metre", "kilonewton metres", "millinewton metre", "millinewton metres"),
-    *(
-        "lbf·ft",
-        "lb·ft",
-        "ft·lbf",
-        "ft·lb",
-        "ft·lbs",
-        "lbf·in",
-        "lb·in",
-        "in·lbf",
-        "in·lb",
-        "in·lbs",
-        "ozf·in",
-        "oz·in",
-    ),
+    *("lbf·ft", "lb·ft", "ft·lbf", "ft·lb", "ft·lbs", "lbf·in", "lb·in", "in·lbf", "in·lb", "in·lbs"),
+    *("ozf·in", "oz·in"),
     *("in·oz", "in·ozf", "foot pound", "foot pounds", "inch pound", "inch pounds", "pound foot", "pound feet"),
     *("kgf·m", "kg·m", "kgf·cm", "kg·cm", "kp·m", "kp·cm"),
 )

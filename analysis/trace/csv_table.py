@@ -17,6 +17,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from analysis.trace.errors import TableError
+from analysis.trace.unit_rows import UnitRow, is_below_header, is_row_of_units
 
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "upright bars"}
 """What parts the columns, and its name."""
@@ -52,9 +53,8 @@ class CsvTable(NamedTuple):
     cells: Any
     separator: str
     reading: tuple[str, ...]
-    units: tuple[str, ...] | None
-    """Cells of the row of units; None where there is none."""
-    units_line: int
+    units: tuple[UnitRow, ...]
+    """Rows of units, in their order."""
     body: Body
 
     def column(self, name: str) -> Any:
@@ -97,17 +97,13 @@ class Header(NamedTuple):
     before: int
 
 
-def read_csv_table(
-    file: Path, known: Collection[str] = (), content: bytes | None = None, unit_words: Collection[str] = ()
-) -> CsvTable:
+def read_csv_table(file: Path, known: Collection[str] = (), content: bytes | None = None) -> CsvTable:
     """Read a CSV file; the header is the first line that has one of the known names, or the first line of all.
 
-    content: that of the file, where it was read already. unit_words: units in small letters, by which a row of units is
-    told from other words above the header and in comments.
+    content: that of the file, where it was read already.
 
     Raises:
-        TableError: text in no known encoding, no separator that can be told, rows of different length, two rows of
-            units.
+        TableError: text in no known encoding, no separator that can be told, rows of different length.
         OSError: the file cannot be read.
 
     """
@@ -120,34 +116,25 @@ def read_csv_table(
     blanks = separator + ' "'
     while rows and not rows[-1][1].strip(blanks):  # what a spreadsheet writes of cells that were emptied
         rows.pop()
-    units, units_line = None, 0
-    if rows and known and _is_units(_cells(rows[0][1], separator), names, known):
-        units_line, first = rows.pop(0)
-        units = tuple(_cells(first, separator))
-        body = Body(body.lines[units_line - body.first + 1 :], units_line + 1)
-    before = header.before
-    for number, line in _beside(lines, header):
-        cells = _cells(line.lstrip("#/% "), separator)
-        if not _has_units(cells, names, known, unit_words):
-            continue
-        if units is not None:
-            found = f"a second row of units, beside that in line {units_line}"
-            raise TableError(file, found, "one row of units", "delete the one that is wrong", line=number)
-        units, units_line = tuple(cells), number
-        before -= number < header.line and not line.startswith(COMMENTS)
+    units = _rows_of_units(lines, header, rows) if known else []
+    if rows and any(row.line == rows[0][0] for row in units):
+        line, _ = rows.pop(0)
+        body = Body(body.lines[line - body.first + 1 :], line + 1)
     if rows and len(_cells(rows[0][1], separator)) == len(names) + 1 and rows[0][1].rstrip(" ").endswith(separator):
         names.append("")
     if separator != ",":
         reading.append(f"{SEPARATORS.get(separator, repr(separator))} between the columns")
     reading += [ENCODING_NAMES[encoding]] if encoding in ENCODING_NAMES else []
+    at = [row.line for row in units]
+    before = header.before - sum(1 for line in at if line < header.line and not lines[line - 1].startswith(COMMENTS))
     reading += [f"{before} lines before the header left out"] if before else []
     comments = sum(
-        1 for number, line in enumerate(body.lines, body.first) if line.startswith(COMMENTS) and number != units_line
+        1 for number, line in enumerate(body.lines, body.first) if line.startswith(COMMENTS) and number not in at
     )
     reading += [f"{comments} comments left out"] if comments else []
-    reading += [f"line {units_line} has the units"] if units is not None else []
+    reading += [f"line {line} has the units" for line in at]
     cells = _parsed([line for _, line in rows], names, separator, body, file)
-    return CsvTable(file, tuple(names), cells, separator, tuple(reading), units, units_line, body)
+    return CsvTable(file, tuple(names), cells, separator, tuple(reading), tuple(units), body)
 
 
 def _text(file: Path, raw: bytes) -> tuple[str, str]:
@@ -245,31 +232,20 @@ def _separator_of(header: str, first: str, file: Path, number: int) -> str:
     return chosen[0]
 
 
-def _is_units(cells: list[str], names: list[str], known: Collection[str]) -> bool:
-    """Whether the row behind the header has words where numbers are expected, and none of them is one."""
-    ours = [cell for name, cell in zip(names, cells, strict=False) if name in known and name not in TEXT_COLUMNS]
-    words = [cell for cell in ours if cell]
-    return bool(words) and not any(re.search(r"\d|nan|inf|[#_]|^[+-]?[.,]$", cell.lower()) for cell in words)
-
-
-def _beside(lines: list[str], header: Header) -> list[tuple[int, str]]:
-    """Return number and text of the next line above the header, and of a comment that is the next one below it."""
-    above = next((number for number in range(header.line - 1, 0, -1) if lines[number - 1].strip()), 0)
-    below = next((number for number in range(header.line + 1, len(lines) + 1) if lines[number - 1].strip()), 0)
-    found = [above] if above else []
-    found += [below] if below and lines[below - 1].startswith(COMMENTS) else []
-    return [(number, lines[number - 1]) for number in found]
-
-
-def _has_units(cells: list[str], names: list[str], known: Collection[str], unit_words: Collection[str]) -> bool:
-    """Whether a row has words for the columns, and one of them is a unit of a known column."""
-    fits = len(cells) <= len(names) and (len(cells) > 1 or len(names) == 1)
-    said = {cell.strip("[]() ").lower() for name, cell in zip(names, cells, strict=False) if name in known}
-    return fits and bool(said & set(unit_words)) and _is_units(cells, names, known)
-
-
-TEXT_COLUMNS = ("segment", "branch")
-"""Known columns whose cells are words."""
+def _rows_of_units(lines: list[str], header: Header, rows: list[tuple[int, str]]) -> list[UnitRow]:
+    """Return the rows of units above the header, behind it, and in comments that stand before the first data."""
+    names, separator = header.names, header.separator
+    first, second = [*(_cells(line, separator) for _, line in rows[:2]), [], []][:2]
+    below = rows[0][0] if is_below_header(first, second, names) else 0
+    data = next((number for number, _ in rows if number != below), len(lines) + 1)
+    found = []
+    for number, line in enumerate(lines[: data - 1], 1):
+        comment = line.startswith(COMMENTS)
+        cells = _cells(line.lstrip("#/% ") if comment else line, separator)
+        beside = number < header.line or (comment and number > header.line)
+        if number == below or (beside and is_row_of_units(cells, names)):
+            found.append(UnitRow(number, tuple(cells)))
+    return found
 
 
 def _parsed(rows: list[str], names: list[str], separator: str, body: Body, file: Path) -> Any:

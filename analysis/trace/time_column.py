@@ -28,9 +28,11 @@ Fail = Callable[[int, str, str, str, str], TableError]
 SECONDS = "seconds (t_s)"
 FROM_FIRST = "subtract the time of the first row before the export, and write the difference in seconds"
 
-
 COARSE_S = 0.01
 """Time that is rounded to this and shared by most rows is refused: a lag of that size changes the width of a loop."""
+
+EXACT = 1e-3
+"""Part of a step by which the difference of two rounded times may miss it, for they are not whole in binary."""
 
 
 class Time(NamedTuple):
@@ -65,9 +67,12 @@ def read_time(values: FloatArray, fail: Fail) -> Time:
 
 def _refuse_coarse(values: FloatArray, fail: Fail) -> None:
     """Refuse time by which most samples were taken at once: rates, lags and creep of such a loop would be made up."""
-    steps = np.diff(values)
-    again, on = np.flatnonzero(steps == 0.0), steps[steps > 0.0]
-    if 2 * again.size <= values.size or (on.size and float(np.median(on)) < COARSE_S):
+    with np.errstate(over="ignore"):  # times near the largest number are refused later, with their row
+        steps = np.diff(values)
+        on = steps[steps > 0.0]
+        fine = bool(on.size) and float(np.median(on)) < COARSE_S * (1.0 - EXACT)
+    again = np.flatnonzero(steps == 0.0)
+    if fine or 2 * again.size <= values.size:
         return
     row = int(again[0]) + 2
     found = f"{values[row - 1]:.15g}, the time of the row before, as in {again.size} of {values.size} rows"

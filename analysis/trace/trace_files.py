@@ -25,6 +25,7 @@ from analysis.trace.number_text import read_numbers
 from analysis.trace.segment_names import SEGMENT_COLUMNS, read_segments
 from analysis.trace.time_column import TIME, read_time
 from analysis.trace.trace import SegmentInfo, Trace, first_bad_row
+from analysis.trace.unit_rows import UnitRow, check_agree, check_units
 from analysis.trace.units import BoolArray, FloatArray, IntArray
 from definitions.image import IMAGE_FIELDS
 from definitions.units import RAD_PER_ARCMIN
@@ -56,32 +57,6 @@ QUANTITIES = ("angle", "windup", "torque", "temperature", "temp", "time", "t", "
 
 MISSPELT = 0.85
 """Likeness (of difflib) from which a name is taken for one of ours with a wrong letter."""
-
-UNIT_WORDS: dict[str, tuple[str, ...]] = {
-    "t_s": ("s", "sec", "second", "seconds"),
-    "torque_in_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
-    "torque_out_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
-    "angle_in_rad": ("rad",),
-    "angle_in_arcmin": ("arcmin", "′", "'"),
-    "angle_out_rad": ("rad",),
-    "angle_out_arcmin": ("arcmin", "′", "'"),
-    "windup_rad": ("rad",),
-    "windup_arcmin": ("arcmin", "′", "'"),
-    "temperature_c": ("°C", "C", "degC", "deg C"),
-    "drive_torque_nm": ("N·m", "Nm", "N m", "N*m", "N.m"),
-    "drive_angle_rad": ("rad",),
-}
-"""What a row of units may say below the name of each column; the name has the unit, and the row must not contradict."""
-
-NO_UNIT = ("", "-", "–")
-
-OTHER_UNITS = (
-    *("ms", "us", "µs", "ns", "min", "h"),
-    *("kn·m", "knm", "mnm", "n·cm", "ncm", "lbf·ft", "lbf·in", "lbf-ft", "ft-lb", "in-lb", "kgf·m", "kgfm"),
-    *("deg", "°", "degree", "degrees", "mrad", "µrad", "urad", "arcsec", '"', "″", "rev"),
-    *("k", "f", "°f", "degf", "v", "mv", "a", "ma", "%", "counts", "pulses"),
-)
-"""Units in small letters that no column has: by them a row above the header is known as one of units, and refused."""
 
 UNIT_OF_FIELD = b"unit"
 """Metadata of a Parquet column, or of one made of a TDMS channel, that says its unit."""
@@ -121,7 +96,8 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
             "name the columns in the first row",
         )  # fmt: skip
     _refuse_near_misses(names, file)
-    _check_units(table)
+    check_agree(file, names, table.units)
+    check_units(file, names, table.units)
     if table.rows == 0:
         raise TableError(file, "no rows below the header", "the samples of a loop", "record a loop")
     channels, decimals = _channels(table, chosen)
@@ -144,12 +120,12 @@ def read_rows(path: Path | str) -> tuple[Trace, IntArray]:
 
 
 class _Table(NamedTuple):
-    """Names, columns and their units ('' where none is said) of a file of any kind; `csv` where it is text."""
+    """Names and columns of a file of any kind, and what it says of their units; `csv` where it is text."""
 
     file: Path
     names: tuple[str, ...]
     columns: tuple[Any, ...]
-    units: tuple[str, ...] = ()
+    units: tuple[UnitRow, ...] = ()
     csv: CsvTable | None = None
 
     @property
@@ -202,17 +178,6 @@ def _numbers(column: Any, table: _Table, name: str) -> FloatArray:
     return values
 
 
-def _check_units(table: _Table) -> None:
-    """Refuse a row of units, or a unit that a file states of a column, that contradicts the column's name."""
-    for name, cell in zip(table.names, table.units, strict=False):
-        plain = cell.strip("[]() ")
-        if name in UNIT_WORDS and plain not in (*UNIT_WORDS[name], *NO_UNIT):
-            raise TableError(
-                table.file, f"the unit '{cell}'", UNIT_WORDS[name][0], "convert the column to that unit",
-                line=None if table.csv is None else table.csv.units_line, column=name,
-            )  # fmt: skip
-
-
 def _told(table: _Table, decimals: tuple[str, ...]) -> str:
     """Return in words how a file was read that is not plain CSV; '' for one that is."""
     parts = [*(() if table.csv is None else table.csv.reading), *decimals]
@@ -252,9 +217,8 @@ def _read_table(file: Path) -> _Table:
         wrong = not_a_table(file)
         if wrong:
             raise AnalysisError(f"{file}: cannot be read as CSV, Parquet or TDMS: {wrong}")
-        ours = (word.lower() for words in UNIT_WORDS.values() for word in words)
-        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS), unit_words={*ours, *OTHER_UNITS})
-        return _Table(file, read.names, tuple(read.cells.columns), read.units or (), read)
+        read = read_csv_table(file, (*COLUMNS, *SEGMENT_COLUMNS))
+        return _Table(file, read.names, tuple(read.cells.columns), read.units, read)
     except (OSError, pa.ArrowException, ValueError, UnicodeError, MemoryError, NotImplementedError) as error:
         reason = printable(str(error))
         raise TableError(
@@ -267,7 +231,7 @@ def _of_arrow(file: Path, table: Any) -> _Table:
     # Arrow checks names when they are asked for: UnicodeDecodeError here, not later
     names = tuple(str(name).strip() for name in table.column_names)
     units = tuple((field.metadata or {}).get(UNIT_OF_FIELD, b"").decode() for field in table.schema)
-    return _Table(file, names, tuple(table.columns), units)
+    return _Table(file, names, tuple(table.columns), (UnitRow(0, units),))
 
 
 NO_TABLES: tuple[tuple[bytes, str, str], ...] = (

@@ -78,18 +78,21 @@ EXIT_NOBODY_READS = 141
 
 
 DAY_S = 86400
+DAYS_OF_YEAR = 366
 
 
 def refuse_time_zone() -> None:
     """Refuse a clock that is a day or more off UTC, as TZ=XXX-99 has it: Python tells no local time by it.
 
-    Looked at here once, as any command may tell a time.
+    Looked at here once, as any command may tell a time: each day of a year, for summer time may be what is wrong, and
+    `time.altzone` knows nothing of one that begins in January and ends before July.
 
     Raises:
         StationError: the computer's time zone is such a one.
 
     """
-    off_s = time.localtime().tm_gmtoff
+    now = time.time()
+    off_s = max((time.localtime(now + day * DAY_S).tm_gmtoff for day in range(DAYS_OF_YEAR)), key=abs)
     if abs(off_s) >= DAY_S:
         raise StationError(
             f"time zone of this computer ({os.environ.get('TZ') or 'TZ is not set'}): found {off_s / 3600:+.0f} h off "

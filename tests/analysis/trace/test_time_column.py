@@ -89,3 +89,39 @@ def test_time_that_most_rows_share_is_refused(tmp_path: Path, begin: float, ever
 def test_time_that_is_rounded_finely_or_seldom_the_same_is_read(tmp_path: Path) -> None:
     for time in ([0.001 * (row // 5) for row in range(40)], [float(row // 2) for row in range(40)], [3.0]):
         assert read_trace(table(tmp_path, [f"{one:.6f}" for one in time])).samples == len(time)
+
+
+@pytest.mark.parametrize("begin", [0.0, 3.0, 0.01, 999.37, BEGIN])
+@pytest.mark.parametrize("shared", [3, 4, 8, 10])
+@pytest.mark.parametrize("ticks", [5, 40, 301, 2000])
+def test_time_that_is_rounded_to_a_hundredth_is_refused(tmp_path: Path, begin: float, shared: int, ticks: int) -> None:
+    """Ten milliseconds have no exact number: the difference of two times may be a little less."""
+    time = [f"{begin + 0.01 * tick:.2f}" for tick in range(ticks) for _ in range(shared)]
+    with pytest.raises(TableError) as refused:
+        read_trace(table(tmp_path, time))
+    (problem,) = refused.value.problems
+    assert (problem.row, problem.column) == (2, "t_s")
+    assert f"of {len(time)} rows" in problem.found
+
+
+@pytest.mark.parametrize("begin", [0.0, 3.0, BEGIN])
+@pytest.mark.parametrize("rows", [40, 301, 2000])
+def test_samples_every_ten_milliseconds_are_read(tmp_path: Path, begin: float, rows: int) -> None:
+    trace = read_trace(table(tmp_path, [f"{begin + 0.01 * row:.2f}" for row in range(rows)]))
+    assert trace.samples == rows
+    assert trace.step_s == pytest.approx(0.01, rel=1e-3)
+
+
+def test_samples_that_share_nine_milliseconds_are_read(tmp_path: Path) -> None:
+    time = [f"{0.009 * tick:.3f}" for tick in range(100) for _ in range(4)]
+    assert read_trace(table(tmp_path, time)).samples == len(time)
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "time",
+    [["-1.7e308", "1.7e308", "0"], ["-1.7e308"] * 5 + ["1.7e308"] * 5, ["0"] * 9 + ["1e308", "1.7e308", "-1.7e308"]],
+)
+def test_times_near_the_largest_number_are_refused_without_a_warning(tmp_path: Path, time: list[str]) -> None:
+    with pytest.raises(AnalysisError, match="column t_s: found"):
+        read_trace(table(tmp_path, time))

@@ -99,13 +99,14 @@ def test_bad_input_is_named_without_a_traceback(args: tuple[str, ...], named: st
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("zone", ["XXX-99", "XXX+24"])
+@pytest.mark.parametrize("zone", ["XXX-99", "XXX+24", "AAA-10BBB-30,M1.1.0,M2.1.0", "AAA-10BBB-30,M6.1.0,M8.1.0"])
 def test_a_time_zone_that_tells_no_time_is_bad_input(
     zone: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("TZ", zone)
-    done = command("runs", "--since", "2026-01-01", "--data", str(tmp_path))
-    assert (done.returncode, zone in done.stderr) == (2, True), done.stderr
+    for since in ("2026-01-15", "2026-07-15"):
+        done = command("runs", "--since", since, "--data", str(tmp_path))
+        assert (done.returncode, zone in done.stderr) == (2, True), done.stderr
 
 
 def test_a_crash_is_no_verdict(tmp_path: Path) -> None:

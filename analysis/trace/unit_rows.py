@@ -32,10 +32,10 @@ class UnitRow(NamedTuple):
 def is_row_of_units(cells: Sequence[str], names: Sequence[str]) -> bool:
     """Whether the cells of a line show that it is a row of units.
 
-    They do where one is surely of the quantity of its column, or two stand in brackets, and units stand over at least
-    half of the columns that have one, or in all cells over such columns that are filled. Without such a cell all cells
-    of the line must be units, each of the quantity of its column: a letter, or a word with another meaning, may be
-    anything.
+    They do where one is surely of the quantity of its column, or may be and stands with another one in brackets, and
+    units stand over more than half of the columns that have one, or over half of them with a wrong one among these, or
+    in all cells over such columns that are filled. Without such a cell all cells of the line must be units, each of
+    the quantity of its column: a letter, or a word with another meaning, may be anything.
     """
     if len(cells) == 1 < len(names):  # text that nothing parts
         return False
@@ -43,8 +43,10 @@ def is_row_of_units(cells: Sequence[str], names: Sequence[str]) -> bool:
     over = [kind for ours, kind in kinds if ours]
     filled = [kind for kind in over if kind not in (Kind.EMPTY, Kind.LABEL)]
     units = [kind for kind in filled if kind is not Kind.WORD]
-    if Kind.SURE in filled or filled.count(Kind.BRACKETS) > 1:
-        return 2 * len(units) >= len(over) or len(units) == len(filled)
+    if Kind.SURE in filled or {Kind.FITS, Kind.BRACKETS} <= set(filled):
+        pairs = zip(names, cells, strict=False)
+        wrong = any(kind_of(cell, name) is Kind.SURE and contradicts(cell, name) for name, cell in pairs)
+        return len(units) == len(filled) or 2 * len(units) + wrong > len(over)
     elsewhere = [kind for ours, kind in kinds if not ours]
     return set(over) <= {Kind.EMPTY, Kind.FITS} and Kind.FITS in over and not {Kind.WORD, Kind.LABEL} & set(elsewhere)
 

@@ -119,8 +119,11 @@ KNOWN: frozenset[str] = frozenset().union(
     ELSEWHERE, *(words for one in QUANTITIES.values() for words in (one.own, one.others))
 )
 
-WORDS_TOO = frozenset({"min", "second", "count", "digit"})
-"""Units that are as often a word; so is a letter that stands alone: a shift, an operator, a version."""
+WORDS_TOO = frozenset({"min", "second"})
+"""Units that are as often a word; so is a letter that stands alone: a shift, an operator, a version.
+
+Units of a signal are no surer: a recorder tells its ranges and loads in them.
+"""
 
 NOTHING = frozenset({"", "n/a"})
 """What says in one spelling that a column has no unit."""
@@ -186,7 +189,8 @@ def kind_of(cell: str, column: str) -> Kind:
     quantity = QUANTITIES.get(column)
     if quantity is not None and said.word in quantity.own | quantity.others:
         letter = len(said.word) == 1 and said.word.isalpha()
-        return Kind.FITS if said.factor or letter or said.word in WORDS_TOO else Kind.SURE
+        unsure = said.factor or letter or said.word in WORDS_TOO | SIGNALS
+        return Kind.FITS if unsure else Kind.SURE
     # a unit with the name of what it is of says nothing of another column: that is text
     if said.word in KNOWN and not said.named:
         return Kind.UNIT

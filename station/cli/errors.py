@@ -14,6 +14,7 @@ from errno import ENAMETOOLONG
 from typing import NoReturn
 
 from station.errors import StationError
+from station.wall_clock import WALL_CLOCK
 
 PLACE = re.compile(r"^(?P<option>--[a-z-]+): found (?P<found>.*?); allowed (?:are |is )?(?P<allowed>.*)$", re.DOTALL)
 
@@ -91,7 +92,7 @@ def refuse_time_zone() -> None:
         StationError: the computer's time zone is such a one.
 
     """
-    now = time.time()
+    now = WALL_CLOCK.now().timestamp()
     off_s = max((time.localtime(now + day * DAY_S).tm_gmtoff for day in range(DAYS_OF_YEAR)), key=abs)
     if abs(off_s) >= DAY_S:
         raise StationError(

@@ -181,12 +181,16 @@ class RunRecord:
 
     def scanning(self) -> int:
         """Process id of the scan process while it lives, else 0."""
-        if not self.has(SCAN_REPORT):
-            return 0
-        with suppress(RecordError):
-            said = self.read(RunningProcess, SCAN_REPORT)
-            return said.pid if said.birth and process_birth(said.pid) == said.birth else 0
-        return 0
+        said = self.scan_process()
+        return said.pid if said is not None and process_birth(said.pid) == said.birth else 0
+
+    def scan_process(self) -> RunningProcess | None:
+        """Return the scan process as it named itself; None before it scans, and when it has ended by itself."""
+        if self.has(SCAN_REPORT):
+            with suppress(RecordError):
+                said = self.read(RunningProcess, SCAN_REPORT)
+                return said if said.birth else None
+        return None
 
     def state(self) -> str:
         """State of the run; a recording that no process owns is `not concluded`."""

@@ -69,7 +69,8 @@ def outcome_of(
         if embedded:
             time.sleep(LAST_WORDS_S)
     return RunOutcome(
-        written=(ring.written if said.written is None else said.written) - ring.lost,
+        # the ring counts the records in it, the report those that found it full too
+        written=ring.written if said.written is None else said.written - ring.lost,
         lost=ring.lost,
         realtime=said.realtime,
         notes=said.notes,

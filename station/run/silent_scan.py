@@ -32,12 +32,12 @@ WHY_ENDED = "it did not answer any more, and was ended when asked for"
 
 
 class SilentScan:
-    """Listens to the scan of a ring, by how many records it has appended."""
+    """Listens to the scan of a ring, by how many records it has made: those that found the ring full count too."""
 
     def __init__(self, ring: RingReader, say: Callable[[str], None], kill: Callable[[], None]) -> None:
         """Prepare; `kill` ends the scan's process at once."""
         self._ring, self._say, self._kill = ring, say, kill
-        self._written, self._looked_s = 0, time.monotonic()
+        self._made, self._looked_s = 0, time.monotonic()
         self._silent_s = 0.0
         self._asked = False
         self.ended = False
@@ -50,12 +50,12 @@ class SilentScan:
 
     def look(self) -> None:
         """Look whether records have come; called at every look of the supervisor."""
-        now_s, written, was_silent = time.monotonic(), self._ring.written, self.silent
-        if written == self._written and written and self._ring.state is ScanState.RUNNING:
+        now_s, made, was_silent = time.monotonic(), self._ring.written + self._ring.lost, self.silent
+        if made == self._made and self._ring.state is ScanState.RUNNING:
             self._silent_s += min(now_s - self._looked_s, MOST_OF_A_LOOK_S)
         else:
             self._silent_s = 0.0
-        self._written, self._looked_s = written, now_s
+        self._made, self._looked_s = made, now_s
         if self.silent and not was_silent:
             self._say(SILENT)
         if self._asked and self._silent_s > GIVEN_UP_AFTER_S:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -66,7 +67,7 @@ def _take_over(run: RunRecord, *, as_json: bool) -> None:
 
         def attend(ring: RingReader) -> None:
             if not scans:
-                scans.append(SilentScan(ring, screen.say, lambda: os.kill(ring.pid, signal.SIGKILL)))
+                scans.append(SilentScan(ring, screen.say, partial(_kill, run)))
             (scan,) = scans
             scan.look()
             if (command := stopping.take_command()) and not scan.end(command):
@@ -76,3 +77,11 @@ def _take_over(run: RunRecord, *, as_json: bool) -> None:
 
         resume(run, attend)
         recover(run)
+
+
+def _kill(run: RunRecord) -> None:
+    """End the scan process of a run, and no other one that has got its id."""
+    pid = run.scanning()
+    if pid:
+        with suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -68,6 +69,13 @@ def lot_note(look: Production, lot: Lot) -> list[str]:
     return notes + left_out_of(look, lot)
 
 
+def _say(found: object, blocks: Sequence[str | Grid], notes: Sequence[str], *, as_json: bool) -> int:
+    """Print a figure, and behind it what a reader must know; a program gets that on standard error."""
+    if as_json:
+        sys.stderr.writelines(f"{note}\n" for note in notes)
+    return say(found, [*blocks, *notes], as_json=as_json)
+
+
 def print_yield(data: Path, lot: Lot, by: str | None, level: float, *, as_json: bool) -> int:
     """Print first-pass and final yield; return 0. StationError for a lot without runs."""
     with production(data) as look:
@@ -80,7 +88,7 @@ def print_yield(data: Path, lot: Lot, by: str | None, level: float, *, as_json: 
         "first: passed at the first attempt; final: by the newest run; no verdict: NOT DECIDABLE; "
         f"stopped: or ended by a fault; interval: confidence {level:.0%}"
     )
-    return say(found, [Grid(heads, rows, right=tuple(range(1, 10))), explained, *notes], as_json=as_json)
+    return _say(found, [Grid(heads, rows, right=tuple(range(1, 10))), explained], notes, as_json=as_json)
 
 
 def _yield_row(one: YieldRow) -> tuple[str, ...]:
@@ -102,7 +110,7 @@ def print_causes(data: Path, lot: Lot, *, as_json: bool) -> int:
     ):  # fmt: skip
         heads = (head, "runs", "share", "cumulative")
         blocks.append(Grid(heads, _cause_rows(causes) or [("none", "", "", "")], right=(1, 2, 3)))
-    return say(found, [*blocks, *notes], as_json=as_json)
+    return _say(found, blocks, notes, as_json=as_json)
 
 
 def _cause_rows(causes: Sequence[Cause]) -> list[tuple[str, ...]]:
@@ -125,7 +133,7 @@ def print_capability(
     notes += [f"of the newest {many} first attempts; more with --newest N"] if many == lot.newest else []
     notes += [text for one in found.rows for text in said_beside(one, one.metric.name)]
     notes.append("other side: Ppk of the other side; the side with the smaller Ppk counts")
-    return say(found, [Grid(heads, rows, right=tuple(range(3, 12))), *notes], as_json=as_json)
+    return _say(found, [Grid(heads, rows, right=tuple(range(3, 12)))], notes, as_json=as_json)
 
 
 def _capability_cells(row: CapabilityRow) -> tuple[str, ...]:
@@ -231,7 +239,7 @@ def print_trend(  # noqa: PLR0917 - what is asked for
         f"groups differ by chance alone: {one.p_same:.2g}"
     )
     notes += _meanings([(found.metric.name, found.other_meanings)])
-    return say(found, [*blocks, *notes], as_json=as_json)
+    return _say(found, blocks, notes, as_json=as_json)
 
 
 def print_type_one(  # noqa: PLR0917 - what is asked for

@@ -89,7 +89,7 @@ def recover(run: RunRecord, *, again: bool = False) -> int:
             return 0
         ring = RingReader(path)
         try:
-            if _alive(ring):
+            if _alive(run, ring):
                 return 0
             return _take_all(run, ring, path)
         finally:
@@ -112,8 +112,11 @@ def resume(run: RunRecord, attend: Attend) -> int:
             ring.close()
 
 
-def _alive(ring: RingReader) -> bool:
-    return bool(ring.pid and process_birth(ring.pid))
+def _alive(run: RunRecord, ring: RingReader) -> bool:
+    """Whether the scan process lives; another one may have got its id since."""
+    birth = process_birth(ring.pid) if ring.pid else ""
+    said = run.scan_process() if birth else None
+    return bool(birth) and (said is None or (said.pid, said.birth) == (ring.pid, birth))
 
 
 def _complete_on_disk(run: RunRecord) -> int:
@@ -144,8 +147,8 @@ def _take_all(run: RunRecord, ring: RingReader, path: Path, attend: Attend | Non
         cleanup.callback(writer.finish)
         ring.beat()  # before anything else: the scan waits 2 s for a new supervisor, then it unloads and stops
         writer.start()
-        taken_over = attend is not None and _alive(ring)
-        while attend is not None and _alive(ring):
+        taken_over = attend is not None and _alive(run, ring)
+        while attend is not None and _alive(run, ring):
             time.sleep(LOOK_EVERY_S)
             ring.beat()
             attend(ring)

@@ -201,7 +201,9 @@ class Production:
         )  # fmt: skip
         disbelieved = self.disbelieved(lot)
         if disbelieved:
-            hint = f" Not counted, because their records are not believed: {disbelieved}. 'lostmotion verify' says why"
+            hint += (
+                f". Not counted, because their records are not believed: {disbelieved}. 'lostmotion verify' says why"
+            )
         raise StationError(f"{self.chain.data}: the chosen lot has no run of a {kinds[0]} unit.{hint}")
 
     def _number(self, lot: Lot) -> int:

@@ -73,6 +73,7 @@ OTHER_WORDS = (
     *("Company,Bench,Operator,Note", "one, two, three", "measured by s, Nm and deg", "1,2,3", "Date,2026-01-15,08:00"),
     *("Shift,A", "Shift,A,,", "Line,C", "Operator,h", "Version,V", "Rev,A,,", "Prüfer,s", "Unit,A", "Min,Max,Mean"),
     *("[Data]", "[Data],,,", "Torque,Nm", "Angle,,deg", "2,Angle,deg", "Rated torque,412 Nm,,", "Sampling,1 ms"),
+    *("(left),(right),(top),(bottom)", "[Ch A],[Ch B],[Ch C],[Ch D]", "Channel,5 V,10 V,mV", "Load,%"),
     *("torque in Nm, angle in arcmin", "N/A,N/A,N/A", "A,B,C,D", "Motor,Nm/rad,", f"{'s ' * 60},A"),
 )
 
@@ -85,8 +86,15 @@ def test_other_words_above_the_header_are_no_units(tmp_path: Path, words: str, s
     assert "units" not in trace.reading
 
 
+@pytest.mark.parametrize("words", ["Torque,Nm", "# recorded at 20 rpm,%", "Load,%"])
+def test_beside_a_word_in_one_of_two_columns_a_unit_that_fits_shows_no_row_of_units(tmp_path: Path, words: str) -> None:
+    path = tmp_path / "trace.csv"
+    path.write_text(f"{words}\nwindup_arcmin,torque_out_nm\n1,2\n2,3\n")
+    assert "units" not in read_trace(path).reading
+
+
 def test_a_line_that_is_taken_for_units_may_be_deleted(tmp_path: Path) -> None:
-    """Half of the columns have a unit here; the one that is surely a unit is named, not the word beside it."""
+    """Half of the columns have a unit, and that is a wrong one: it is named, and not the word beside it."""
     path = tmp_path / "trace.csv"
     path.write_text("Angle,deg\ntorque_out_nm,windup_arcmin\n1,2\n")
     with pytest.raises(TableError) as refused:

@@ -58,8 +58,8 @@ def _heartbeat(bent: Bent, frame: Frame) -> list[Frame]:
 
 
 def _commands(node: int) -> tuple[int, ...]:
-    """Identifiers of what only the controller may send: NMT, SYNC, its heartbeat, set-points of the drive."""
-    return (0x000, 0x080, 0x77E, 0x200 + node, 0x300 + node)
+    """Identifiers of what only the controller may send: NMT, SYNC, its heartbeat, set-points and SDO of the drive."""
+    return (0x000, 0x080, 0x77E, 0x200 + node, 0x300 + node, 0x600 + node)
 
 
 def _foreign(bent: Bent, frame: Frame) -> list[Frame]:

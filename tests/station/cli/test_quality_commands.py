@@ -91,5 +91,6 @@ def test_a_figure_says_that_an_altered_run_is_not_in_it(tmp_path: Path) -> None:
     found = here("quality", "yield", "--data", str(data))
     assert "1 of 1" in found.out
     assert "not counted: 1 run" in found.out
+    assert "not counted: 1 run" in here("quality", "yield", "--data", str(data), "--json").err
     alone = here("quality", "yield", "--data", str(data), "--since", "2026-01-06")
     assert (alone.exit_code, "not believed: 1" in alone.err) == (2, True)

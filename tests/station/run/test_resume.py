@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from closed_pipe import read_by_nobody
@@ -16,12 +18,14 @@ from run_samples import as_recorded
 
 import station.records.ring.ring
 from station.bench.request import stored_job
-from station.cli.measure.resume import resume_run
+from station.cli.measure.resume import _kill, resume_run
+from station.records.process_birth import process_birth
 from station.records.ring.ring import create
-from station.records.run_record import RunRecord
+from station.records.run_record import SCAN_REPORT, RunRecord
 from station.records.samples.samples import check_samples
 from station.records.samples.scan_record import RECORD_BYTES
 from station.run.screen.progress import progress_of
+from station.run.way_back.recover import _alive
 
 ON_DISK = 1000
 MADE_AT_THE_END = ("report.html", "report.pdf", "loop.png")
@@ -118,6 +122,24 @@ def test_a_new_supervisor_shows_the_run_and_leaves_result_and_report_as_a_run_do
     said = [json.loads(line)["event"] for line in (run.folder / "log.jsonl").read_text().splitlines()]
     assert said[-2:] == ["run ended", "report written"]
     assert scan.wait(10) == 0
+
+
+def test_another_process_that_has_got_the_id_of_the_scan_is_neither_waited_for_nor_ended(
+    run: RunRecord,
+) -> None:
+    with subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as other:
+        own = process_birth(other.pid)
+        ring = SimpleNamespace(pid=other.pid)
+        for birth, lives in ((own, True), ("1", False)):
+            run.write_json(SCAN_REPORT, {"state": "running", "pid": other.pid, "birth": birth})
+            assert _alive(run, ring) is lives  # type: ignore[arg-type]
+        _kill(run)
+        assert other.poll() is None
+        run.write_json(SCAN_REPORT, {"state": "running", "pid": other.pid, "birth": own})
+        _kill(run)
+        assert other.wait(10) == -signal.SIGKILL
+    assert not _alive(run, ring)  # type: ignore[arg-type]
+    _kill(run)
 
 
 def test_progress_of_a_program_goes_to_standard_error(run: RunRecord, scan: subprocess.Popen[str]) -> None:

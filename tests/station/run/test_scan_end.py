@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,11 +13,12 @@ import pytest
 from station.atomic_file import Appender
 from station.errors import BenchFaultError
 from station.records.ring.reader import RingReader
-from station.records.ring.ring import create
+from station.records.ring.ring import W_LOST, W_WRITTEN, create
 from station.records.ring.to_disk import RecordWriter
 from station.records.run_record import RunRecord
 from station.run import children
 from station.run.scan_end import SCAN_LOG, outcome_of
+from station.run.silent_scan import WHY_ENDED
 from station.scan.scan_spec import SpecFile
 from station.wall_clock import JumpWatch
 
@@ -43,3 +46,18 @@ def test_a_spec_that_was_changed_ends_the_run_before_anything_moves(tmp_path: Pa
         with pytest.raises(BenchFaultError, match=r"scan-spec\.json was changed after it was checked"):
             outcome_of(process, ring, record, writer, JumpWatch(), embedded=False, interrupted=False)
         file.close()
+
+
+def test_records_that_found_the_ring_full_are_no_written_ones_of_a_scan_that_did_not_report(tmp_path: Path) -> None:
+    process = subprocess.Popen([sys.executable, "-c", ""])
+    process.wait(60.0)
+    with _ring(tmp_path) as ring:
+        ring._words[W_WRITTEN], ring._words[W_LOST] = 100, 30
+        file = Appender(tmp_path / "samples.bin")
+        writer = RecordWriter(ring, file)
+        outcome = outcome_of(
+            process, ring, RunRecord(tmp_path), writer, JumpWatch(), embedded=False, interrupted=False, given_up=True
+        )
+        file.close()
+    assert (outcome.written, outcome.lost) == (100, 30)
+    assert WHY_ENDED in outcome.trouble

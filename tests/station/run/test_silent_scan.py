@@ -24,7 +24,7 @@ class Ring:
     """What is looked at of a ring."""
 
     def __init__(self) -> None:
-        self.written, self.state = 0, ScanState.RUNNING
+        self.written, self.lost, self.state = 0, 0, ScanState.RUNNING
 
 
 class Desk:
@@ -53,8 +53,10 @@ def desk(monkeypatch: pytest.MonkeyPatch) -> Desk:
 
 
 def test_a_scan_is_silent_from_its_last_record_on_and_says_so_once(desk: Desk) -> None:
+    desk.ring.state = ScanState.ARMED
     desk.look(2 * SILENT_AFTER_S, 0)
-    assert not desk.scan.silent, "before its first record it opens the bench"
+    assert not desk.scan.silent, "it opens the bench"
+    desk.ring.state = ScanState.RUNNING
     desk.look(1.0, 20)
     desk.look(2 * SILENT_AFTER_S, 0)
     assert (desk.scan.silent, desk.told) == (True, [SILENT])
@@ -63,6 +65,21 @@ def test_a_scan_is_silent_from_its_last_record_on_and_says_so_once(desk: Desk) -
     desk.ring.state = ScanState.FINISHED
     desk.look(2 * SILENT_AFTER_S, 0)
     assert (desk.scan.silent, desk.told) == (False, [SILENT])
+
+
+def test_a_scan_that_hangs_before_its_first_record_is_silent_too(desk: Desk) -> None:
+    desk.look(2 * SILENT_AFTER_S, 0)
+    assert desk.scan.silent
+
+
+def test_a_scan_whose_records_find_the_ring_full_is_not_silent_and_may_unload(desk: Desk) -> None:
+    """A disk that stalls takes no record for a while: the scan that stops for that was killed while it unloaded."""
+    desk.look(1.0, 20)
+    assert not desk.scan.end(Command.STOP)
+    for _ in range(round(2 * GIVEN_UP_AFTER_S / 0.02)):
+        desk.ring.lost += 20
+        desk.look(0.02, 0)
+    assert (desk.scan.silent, desk.ends, desk.told) == (False, 0, [])
 
 
 def test_who_was_held_up_itself_has_not_listened(desk: Desk) -> None:

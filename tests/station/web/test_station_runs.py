@@ -16,6 +16,7 @@ from served import LONGEST_S, Served, prepared, served, served_by
 from station_support import client_of
 from stored_runs import metric, store_run
 
+from station.documents.manifest import RunningProcess
 from station.records.run_record import RESULT, RunRecord
 from station.run.jog.jogs import FOLDER
 from station.run.next_run import SUPERVISOR
@@ -114,7 +115,8 @@ def test_a_run_of_before_with_the_same_process_id_is_not_the_one_that_starts(
     bench = Running(tmp_path)
     started = SimpleNamespace(pid=os.getpid(), poll=lambda: None)
     monkeypatch.setattr(bench._next, "start", lambda *_, **__: started)
-    monkeypatch.setattr(running, "process_birth", lambda _: "when the computer had started again")
+    later = "when the computer had started again"
+    monkeypatch.setattr(running, "running_process", lambda pid: RunningProcess(pid=pid, birth=later))
     bench.start([], "SN-2")
     found = bench.now()
     assert (found.stage, found.serial, found.verdict) == (STARTING, "SN-2", None), "and no PASS of the unit before it"
@@ -131,7 +133,7 @@ def test_a_jog_of_before_with_the_same_process_id_is_not_the_one_that_starts(
     with os.fdopen(reads), os.fdopen(writes, "w") as stdin:
         started = SimpleNamespace(pid=os.getpid(), poll=lambda: None, stdin=stdin, returncode=None)
         monkeypatch.setattr(jogging.subprocess, "Popen", lambda *_, **__: started)
-        monkeypatch.setattr(jogging, "process_birth", lambda _: births.pop(0))
+        monkeypatch.setattr(jogging, "running_process", lambda pid: RunningProcess(pid=pid, birth=births.pop(0)))
         found = Jogging(tmp_path, lambda _: None)
         found.start([], "a session", "Ada")
         assert found.standing().now.stage == STARTING, "the jog of before has ended, and this one begins"

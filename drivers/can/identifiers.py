@@ -7,7 +7,15 @@ from collections.abc import Iterable
 from definitions.profiles.drive import DriveProfile
 from drivers.config import CanSensorConfig
 from drivers.errors import Problem
-from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SDO_REQUEST_BASE, SYNC_COB_ID, rpdo_cob_id, tpdo_cob_id
+from drivers.servo_drive.pdo import (
+    EMCY_BASE,
+    HEARTBEAT_BASE,
+    SDO_ANSWER_BASE,
+    SDO_REQUEST_BASE,
+    SYNC_COB_ID,
+    rpdo_cob_id,
+    tpdo_cob_id,
+)
 
 
 def identifier_problems(
@@ -20,7 +28,7 @@ def identifier_problems(
         EMCY_BASE + node_id: "emergencies of the drive",
         HEARTBEAT_BASE + node_id: "heartbeat of the drive",
         HEARTBEAT_BASE + controller_node_id: "heartbeat of the controller",
-        0x580 + node_id: "SDO of the drive",
+        SDO_ANSWER_BASE + node_id: "SDO of the drive",
         SDO_REQUEST_BASE + node_id: "SDO of the drive",
     }
     taken |= {tpdo_cob_id(pdo, node_id): f"TPDO {pdo.number} of the drive" for pdo in profile.transmit_pdos}

@@ -20,7 +20,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from definitions.number_formats import SIZES
 from drivers.can.bus import CanLink
-from drivers.servo_drive.pdo import HEARTBEAT_BASE, SDO_REQUEST_BASE
+from drivers.servo_drive.pdo import HEARTBEAT_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE
 
 _T = TypeVar("_T")
 
@@ -119,7 +119,7 @@ class _PumpedSdoClient(SdoClient):
     RESPONSE_TIMEOUT = 0.001  # what is left for canopen's queue once `read_response` has waited
 
     def __init__(self, node_id: int, pump: Callable[[float], None], reply_timeout_s: float, tries: int) -> None:
-        super().__init__(SDO_REQUEST_BASE + node_id, 0x580 + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
+        super().__init__(SDO_REQUEST_BASE + node_id, SDO_ANSWER_BASE + node_id, ObjectDictionary())  # type: ignore[no-untyped-call]
         self.MAX_RETRIES = tries  # canopen counts the first request as well
         self._pump = pump
         self._reply_timeout_s = reply_timeout_s
@@ -160,7 +160,7 @@ class SdoNode:
         self._network = canopen.Network(link.bus)
         self._client = _PumpedSdoClient(node_id, self.pump, reply_timeout_s, tries)
         self._client.network = self._network
-        self._network.subscribe(0x580 + node_id, self._client.on_response)
+        self._network.subscribe(SDO_ANSWER_BASE + node_id, self._client.on_response)
         self._network.subscribe(HEARTBEAT_BASE + node_id, self._hear)
 
     def _hear(self, _cob_id: int, data: bytearray, _timestamp: float) -> None:

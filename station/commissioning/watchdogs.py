@@ -26,7 +26,14 @@ from drivers.errors import DriverError, Problem
 from drivers.servo_drive.cia402 import decode_state
 from drivers.servo_drive.drive import CanDrive
 from drivers.servo_drive.emcy import explain_emcy
-from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SYNC_COB_ID, rpdo_cob_id
+from drivers.servo_drive.pdo import (
+    EMCY_BASE,
+    HEARTBEAT_BASE,
+    SDO_ANSWER_BASE,
+    SDO_REQUEST_BASE,
+    SYNC_COB_ID,
+    rpdo_cob_id,
+)
 from drivers.servo_drive.sdo import NMT_ENTER_PRE_OPERATIONAL, NMT_RESET_COMMUNICATION
 from drivers.servo_drive.setup import set_up_drive
 from drivers.wire_bench import in_scans
@@ -68,7 +75,6 @@ OFF_MOST_S = 2.0
 
 RESET_SCANS = 100
 _NO_ORDERS = Orders(*[0] * len(Orders._fields))
-_SDO_REQUEST, _SDO_ANSWER = 0x600, 0x580
 _READ_STATUS_WORD = bytes((0x40, 0x41, 0x60, 0, 0, 0, 0, 0))
 _STATUS_WORD_READ = bytes((0x4B, 0x41, 0x60, 0))
 
@@ -106,9 +112,9 @@ class _Withholding:
         self.passed_s = dict.fromkeys((SYNC, SETPOINTS, HEARTBEAT), 0.0)
         self.status_words: list[tuple[float, int]] = []
         self.emergencies: list[tuple[float, int]] = []
-        self._answer = _SDO_ANSWER + config.node_id
+        self._answer = SDO_ANSWER_BASE + config.node_id
         self._emcy = EMCY_BASE + config.node_id
-        self._request: Frame = (_SDO_REQUEST + config.node_id, _READ_STATUS_WORD)
+        self._request: Frame = (SDO_REQUEST_BASE + config.node_id, _READ_STATUS_WORD)
         self._asked = False
 
     def __getattr__(self, name: str) -> object:

@@ -37,9 +37,9 @@ class SilentScan:
     def __init__(self, ring: RingReader, say: Callable[[str], None], kill: Callable[[], None]) -> None:
         """Prepare; `kill` ends the scan's process at once."""
         self._ring, self._say, self._kill = ring, say, kill
-        self._made, self._looked_s = 0, time.monotonic()
+        self._records, self._looked_s = 0, time.monotonic()
         self._silent_s = 0.0
-        self._asked = False
+        self._stop_asked = False
         self.ended = False
         """Whether its process was ended here."""
 
@@ -50,20 +50,20 @@ class SilentScan:
 
     def look(self) -> None:
         """Look whether records have come; called at every look of the supervisor."""
-        now_s, made, was_silent = time.monotonic(), self._ring.written + self._ring.lost, self.silent
-        if made == self._made and self._ring.state is ScanState.RUNNING:
+        now_s, records, was_silent = time.monotonic(), self._ring.written + self._ring.lost, self.silent
+        if records == self._records and self._ring.state is ScanState.RUNNING:
             self._silent_s += min(now_s - self._looked_s, MOST_OF_A_LOOK_S)
         else:
             self._silent_s = 0.0
-        self._made, self._looked_s = made, now_s
+        self._records, self._looked_s = records, now_s
         if self.silent and not was_silent:
             self._say(SILENT)
-        if self._asked and self._silent_s > GIVEN_UP_AFTER_S:
+        if self._stop_asked and self._silent_s > GIVEN_UP_AFTER_S:
             self._end()
 
     def end(self, command: Command) -> bool:
         """End the process of a silent scan whose person asks for more than a stop; return whether that was done."""
-        self._asked = True
+        self._stop_asked = True
         if not self.silent or command is not Command.QUICK_STOP or self.ended:
             return False
         self._end()

@@ -56,12 +56,19 @@ class YieldFigure:
     groups: tuple[YieldRow, ...]
 
 
-def left_out_of(production: Production, lot: Lot) -> list[str]:
-    """Return what a reader must know of runs that no figure of a lot counts: a line for each reason, none for none."""
+def left_out_of(production: Production, lot: Lot, serial: str | None = None) -> list[str]:
+    """Return what a reader must know of runs that no figure of a lot counts: a line for each reason, none for none.
+
+    serial: of one unit; None: all.
+    """
     why = "altered since they were sealed, or signed by a key that this computer does not know"
     reasons = (
         ("not in the store yet, and not counted", production.behind, ""),
-        ("not believed, and not counted", production.disbelieved(lot), f" ({why}); 'lostmotion verify' names them"),
+        (
+            "not believed, and not counted",
+            production.disbelieved(lot, serial),
+            f" ({why}); 'lostmotion verify' names them",
+        ),
     )
     return [f"{what}: {counted(number, 'run')}{more}" for what, number, more in reasons if number]
 

@@ -279,7 +279,9 @@ def _attempts(
         kept.setdefault(row.metric.serial, row)
     if len(rows) > len(kept):
         left_out[f"that are not the {which} of their unit"] += len(rows) - len(kept)
-    found = [row for row in kept.values() if not _is_before(row, which, lost.get(row.serial, ()))]
+    found = [*kept.values()]
+    if lost:
+        found = [row for row in found if not _is_before(row, which, lost.get(row.serial, ()))]
     if len(kept) > len(found):
         left_out[f"of units whose {which} run is missing, altered or damaged"] += len(kept) - len(found)
     return found if which == "first" else found[::-1]

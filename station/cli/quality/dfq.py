@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 
 from station.atomic_file import write_atomic
@@ -14,8 +15,8 @@ from station.errors import StationError
 from station.quality.dfq.write import WrittenLot
 
 
-def write_lot(out: Path, found: WrittenLot, *, as_json: bool) -> int:
-    """Write a lot and tell each file, what is in it and of what; return 0.
+def write_lot(out: Path, found: WrittenLot, notes: Sequence[str], *, as_json: bool) -> int:
+    """Write a lot and tell each file, what is in it and of what, and the notes; return 0.
 
     One file has the name that was asked for; of several each has its number behind it, and a file of the name itself,
     which is of something else, is refused: a program that reads it would take it for the whole lot.
@@ -46,6 +47,7 @@ def write_lot(out: Path, found: WrittenLot, *, as_json: bool) -> int:
         document = {"format": DFQ, "files": files, "runs": sum(one.runs for one in found.files)}
         document |= {} if many else {name: files[0][name] for name in ("file", "characteristics")}
         sys.stdout.write(json.dumps({**document, "left_out": found.left_out}, ensure_ascii=False) + "\n")
+        sys.stderr.writelines(f"{note}\n" for note in notes)
         return 0
     lines = [
         f"{path}: {counted(one.runs, 'run')}, {counted(one.characteristics, 'characteristic')}; {one.what}"
@@ -55,6 +57,7 @@ def write_lot(out: Path, found: WrittenLot, *, as_json: bool) -> int:
     lines += [
         "Runs that differ in bench, model, recipe revision, limits or definitions are in files of their own"
     ] * many
+    lines += notes
     sys.stdout.write("".join(f"{line}\n" for line in lines))
     return 0
 

@@ -69,12 +69,15 @@ def dfq(
     from station.cli.quality.dfq import write_lot
     from station.cli.runs.export import program_name
     from station.quality.dfq.write import dfq_of_lot
+    from station.quality.figures import left_out_of
     from station.store.quality.lot import production
 
     refuse_records(out)
+    lot = lot_of(recipe, model, bench, since, until, virtual, newest)
     with production(data) as look:
-        found = dfq_of_lot(look, lot_of(recipe, model, bench, since, until, virtual, newest), program_name())
-    raise typer.Exit(write_lot(out, found, as_json=as_json))
+        found = dfq_of_lot(look, lot, program_name())
+        notes = left_out_of(look, lot)
+    raise typer.Exit(write_lot(out, found, notes, as_json=as_json))
 
 
 @documents_app.command("report")

@@ -248,7 +248,8 @@ def print_type_one(  # noqa: PLR0917 - what is asked for
     """Print a type 1 study; return 0, or 1 for a gage that is not capable. Raises as `type_one_of`."""
     with production(data) as look:
         found = type_one_of(look, part, reference, tolerance, share / 100.0, level)
-    say(found, type_one_blocks(found, share, level), as_json=as_json)
+        notes = left_out_of(look, Lot(bench=part.bench, virtual=part.virtual), part.serial)
+    _say(found, type_one_blocks(found, share, level), notes, as_json=as_json)
     return 0 if found.study.capable else NOT_SO
 
 

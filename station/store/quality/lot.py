@@ -157,8 +157,8 @@ class Production:
         asked = asked if serial is None else asked.where(RUNS.c.serial == serial)
         return list(self.connection.execute(asked.order_by(RUNS.c.run)).scalars())
 
-    def disbelieved(self, lot: Lot) -> int:
-        """Return how many runs of a lot no figure counts because their records are not believed.
+    def disbelieved(self, lot: Lot, serial: str | None = None) -> int:
+        """Return how many runs of a lot, of one unit or all, no figure counts because their records are not believed.
 
         They were altered since they were sealed, or are signed by a key that this computer does not know. What an
         altered run says of itself, as that it is of a master part or of a virtual unit, takes it out of no lot.
@@ -167,12 +167,14 @@ class Production:
         meant = or_(RUNS.c.started.is_(None), and_(true(), *_meant(lot)))
         altered = select(func.count()).select_from(RUNS).where(RUNS.c.chain == self.chain.id, meant)
         altered = altered.where(~RUNS.c.in_production, RUNS.c.altered != "")  # the index has the few that are not
-        return int(self.connection.execute(altered).scalar_one()) + self._signed_by_unknown_keys(lot)
+        altered = altered if serial is None else altered.where(RUNS.c.serial == serial)
+        return int(self.connection.execute(altered).scalar_one()) + self._signed_by_unknown_keys(lot, serial)
 
-    def _signed_by_unknown_keys(self, lot: Lot) -> int:
-        if not whole_hours(lot.since, lot.until):
+    def _signed_by_unknown_keys(self, lot: Lot, serial: str | None) -> int:
+        if serial is not None or not whole_hours(lot.since, lot.until):
             asked = self._asked_for(select(func.count()).select_from(RUNS), lot)
             asked = asked.where(RUNS.c.in_production, not_(self.trusted()))
+            asked = asked if serial is None else asked.where(RUNS.c.serial == serial)
         else:
             number = select(func.coalesce(func.sum(RUN_HOURS.c.runs), 0)).select_from(RUN_HOURS)
             asked = self._hours_asked_for(number, RUN_HOURS, lot).where(RUN_HOURS.c.in_production)

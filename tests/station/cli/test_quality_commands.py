@@ -92,5 +92,8 @@ def test_a_figure_says_that_an_altered_run_is_not_in_it(tmp_path: Path) -> None:
     assert "1 of 1" in found.out
     assert "not counted: 1 run" in found.out
     assert "not counted: 1 run" in here("quality", "yield", "--data", str(data), "--json").err
+    written = ("quality", "dfq", "--out", str(tmp_path / "lot.dfq"), "--data", str(data))
+    assert "not counted: 1 run" in here(*written).out
+    assert "not counted: 1 run" in here(*written, "--json").err
     alone = here("quality", "yield", "--data", str(data), "--since", "2026-01-06")
     assert (alone.exit_code, "not believed: 1" in alone.err) == (2, True)

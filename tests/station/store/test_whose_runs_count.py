@@ -110,5 +110,7 @@ def test_who_is_not_believed_is_told_as_not_counted(
     with look_at(tmp_path), production(tmp_path) as look:
         assert look.disbelieved(lot) == 5, "also those that say to be none of the production, or nothing"
         assert look.disbelieved(lot._replace(recipe="another")) == 1
+        assert [look.disbelieved(lot, serial) for serial in ("B", "SOUND")] == [3, 0]
         stranger = replace(look, keys=(STRANGE,), unsigned_count=False)
         assert stranger.disbelieved(lot) == 7 - (since is not None and since > "2026-01-05T00:00:00+00:00")
+        assert stranger.disbelieved(lot, "STRANGE") == 1

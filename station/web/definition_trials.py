@@ -15,6 +15,7 @@ import time
 from dataclasses import dataclass, replace
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from multiprocessing.util import get_temp_dir
 from pathlib import Path
 from threading import Lock, Thread
 from typing import Any
@@ -137,8 +138,7 @@ class DefinitionTrials:
 def _evaluate(connection: Connection, server: int, data: Path, lot: Lot, tried: Tried) -> None:
     """Evaluate a lot and tell what becomes of it; end with the server, also where that was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the server
-    # Stopped, it ends its own processes and removes their folder in the place of temporary files.
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    _end_in_order()
 
     def watch() -> None:
         while os.getppid() == server:
@@ -155,6 +155,20 @@ def _evaluate(connection: Connection, server: int, data: Path, lot: Lot, tried: 
         connection.send({"found": found})
     except (StationError, AnalysisError, RecipeError) as error:
         connection.send({"error": str(error)})
+
+
+def _end_in_order() -> None:
+    """Have a process that is stopped end its own processes and remove their folder in the place of temporary files.
+
+    The folder is made first, and meanwhile the process does not end: between its making and the note that it is to be
+    removed it would be left.
+    """
+    stopped: list[int] = []
+    signal.signal(signal.SIGTERM, lambda number, _: stopped.append(number))
+    get_temp_dir()
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    if stopped:
+        sys.exit(1)
 
 
 def _tell(connection: Connection, done: int, of: int) -> None:

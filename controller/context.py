@@ -53,6 +53,7 @@ class Context:
         "hold",
         "last_counter",
         "left_loaded",
+        "left_zeroes_known",
         "loading_offset_nm",
         "loading_slope",
         "lock_found",
@@ -80,6 +81,7 @@ class Context:
         self.brake_current_a = 0.0
         self.brake_on = 0
         self.left_loaded = False
+        self.left_zeroes_known = True
         self.lock_found = True
         self.notes: list[str] = []
         limits = program.limits
@@ -175,9 +177,10 @@ class Context:
             found_a = image.brake_current_a if math.isfinite(image.brake_current_a) else 0.0
             self.brake_on, self.brake_current_a = 1, max(self.program.lock.current_a, found_a)
 
-    def take_up(self, image: Image, torque_in_tare_nm: float, torque_out_tare_nm: float) -> None:
+    def take_up(self, image: Image, torque_in_tare_nm: float, torque_out_tare_nm: float, *, zeroes_known: bool) -> None:
         """Go on where an earlier run ended: its zeroes, angles from where the shafts stand, the lock as found."""
         self.left_loaded = True
+        self.left_zeroes_known = zeroes_known
         self.lock_found = False
         self.torque_in_tare_nm, self.torque_out_tare_nm = torque_in_tare_nm, torque_out_tare_nm
         self.take_references(image)

@@ -164,7 +164,8 @@ class Controller:
         context, left = self._context, self._left
         outcome = self._readiness.scan(image, elapsed) if self._start_pending else RUNNING
         if outcome.trigger and left is not None:
-            context.take_up(image, left.torque_in_tare_nm, left.torque_out_tare_nm)
+            zeroes = left.torque_in_tare_nm, left.torque_out_tare_nm
+            context.take_up(image, *zeroes, zeroes_known=left.zeroes_known)
             return Outcome(fault=FAULT_BY_NUMBER[left.fault].id)
         if outcome.fault:
             self._waits_for_person = False  # there is nothing to go back to

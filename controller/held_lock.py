@@ -15,11 +15,15 @@ from definitions.image import Image
 
 @dataclass(frozen=True)
 class Left:
-    """How a bench was left: number of the fault that goes on, and the zeroes of the torque sensors [N·m]."""
+    """How a bench was left: number of the fault that goes on, and the zeroes of the torque sensors [N·m].
+
+    zeroes_known: false where no run of the bench has taken any; the sensors may then show what a zero may be wrong by.
+    """
 
     fault: int
     torque_in_tare_nm: float
     torque_out_tare_nm: float
+    zeroes_known: bool = True
 
 
 class HeldLock:
@@ -48,12 +52,25 @@ class HeldLock:
         closed = bool(image.brake_on) and measured.brake_current_expected_a > 0.0 and at_current
         still = abs(measured.locked_motion_rad) <= limits.lock_proof_motion_rad
         fresh = context.sample_is_fresh(image) and image.brake_age_scans <= limits.brake_stale_scans
-        self._held = self._held + 1 if closed and still and fresh else 0
+        loaded = context.left_zeroes_known or abs(measured.controlled_nm) > self._least_nm()
+        self._held = self._held + 1 if closed and still and fresh and loaded else 0
         if self._held >= self.HOLD_SCANS:
             context.lock_proven = True
             measured.lock_motion_limit_rad = limits.lock_slip_rad
             context.notes.append(f"lock proven by the {measured.controlled_nm:.1f} N·m that it holds")
         elif self._waited > self.PATIENCE * self.HOLD_SCANS:
-            context.notes.append("the lock slips under the residual torque: release the unit by hand")
+            context.notes.append(
+                "the lock slips under the residual torque: release the unit by hand"
+                if loaded
+                else f"{measured.controlled_nm:.1f} N·m may be the zero error of the sensor, because no run has taken "
+                "its zero: the lock is not verified, release the unit by hand"
+            )
             return Outcome(fault="unload_failed")
         return RUNNING
+
+    def _least_nm(self) -> float:
+        """Torque that is more than an unloading leaves even where the zero is as wrong as a run would accept, N·m."""
+        program = self._context.program
+        tare, control = program.tare, program.control
+        zero_nm = tare.torque_out_zero_nm if program.has_torque_out else tare.torque_in_zero_nm * control.slope
+        return zero_nm + program.release_torque_nm

@@ -173,11 +173,17 @@ class PackedSamples:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftBy:
-    """How the bench was left before a recovery: number of its fault, zeroes of the torque sensors."""
+    """How the bench was left before a recovery: number of its fault, zeroes of the torque sensors.
+
+    `zeroes_of`: the earlier run of the bench that took the zeroes, where the last one did not. `zeroes_unknown`: true
+    where none did.
+    """
 
     fault: Count
     torque_in_tare_nm: Finite
     torque_out_tare_nm: Finite
+    zeroes_of: str | None = left_out()
+    zeroes_unknown: bool | None = left_out()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

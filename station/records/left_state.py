@@ -73,6 +73,8 @@ def left_action(left: LeftState) -> str:
             "treat the unit as wound up: switch the drive's power off, keep out of reach of the shafts, "
             "and read the torque again before the lock is opened"
         )
+    if left.drive == "on":
+        return "the servo drive is still on: switch its power off, and keep out of reach of the shafts until it is off"
     stored = abs(left.torque_nm) > left.release_torque_nm
     if stored and left.lock == "closed":
         return (

@@ -31,7 +31,7 @@ from station.records.left_state import left_state
 from station.records.program_file import SegmentRow, StoredProgram
 from station.records.run_record import CALIBRATION, EVENTS, INTERRUPTED, PROFILES, RESULT, TIMING, RunRecord
 from station.records.samples.check import check_bytes, sound_table
-from station.records.samples.event_log import alarms_in, events_of
+from station.records.samples.event_log import alarms_in, events_of, has_begun
 from station.records.samples.samples import pack_samples
 from station.records.samples.table import Table, table_of
 from station.records.seal import data_folder, fingerprint, seal
@@ -228,7 +228,11 @@ def _early_reasons(state: str, events: Sequence[EventRow | Alarm], outcome: RunO
             if silent
             else outcome.stopped_because or "the operator"
         )
-        reasons.append(f"{who} stopped the run; the torque was brought to zero and the lock opened")
+        reasons.append(
+            f"{who} stopped the run; the torque was brought to zero and the lock opened"
+            if has_begun(events)
+            else f"{who} stopped the run before it started; nothing moved, and the lock is as it was found"
+        )
     elif state == INTERRUPTED and not reasons:
         reasons.append("the run is incomplete: its scan process ended during the run")
     return reasons

@@ -12,7 +12,6 @@ import json
 import os
 from pathlib import Path
 
-from controller.held_lock import Left
 from definitions.plain_data import exact, plain
 from definitions.program import Program
 from station.atomic_file import as_json
@@ -26,6 +25,7 @@ from station.errors import StationError
 from station.records.clocks import SCAN, Pacing
 from station.records.program_file import PROGRAM
 from station.records.run_record import BENCH_COPY, RunRecord
+from station.run.way_back.left_by import taken_up
 from station.scan.scan_spec import Compiled, ScanSpec, SpecFile, write_spec
 
 TRUTH = "truth.csv"
@@ -87,7 +87,7 @@ def write_scan_spec(
         spin_ns=0 if waits else REAL_SPIN_NS if ports is None else EMBEDDED_SPIN_NS,
         supervisor=os.getpid(),
         after_end_scans=after_end_scans,
-        left=None if left is None else Left(left.fault, left.torque_in_tare_nm, left.torque_out_tare_nm),
+        left=taken_up(left),
     )
     return write_spec(spec, record.folder / "scan-spec.json")
 

@@ -88,6 +88,18 @@ def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) 
     supervisor.kill()
 
 
+def cancelled(start: Callable[..., Running], words: tuple[str, ...], data: Path) -> None:
+    """A start that a person takes back at once: it says nothing of the unit that the bench holds."""
+    before = set(data.glob("*/run.json"))
+    supervisor = start("run", *words, "--serial", "Y", data=data)
+    supervisor.wait_for(lambda: set(data.glob("*/run.json")) > before)
+    supervisor.interrupt()
+    supervisor.finish()
+    result = json.loads((newest(data) / "result.json").read_bytes())
+    assert result["state"] in ("stopped", "fault")
+    assert "lock opened" not in " ".join(result["reasons"])
+
+
 def says_no(bench: Apart, data: Path) -> None:
     """A person who is asked and says no: everything stays as it is."""
     master, terminal = pty.openpty()
@@ -119,6 +131,7 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
     assert refused["left"]["lock"] == "closed", "another run leaves the lock as it found it"
     assert abs(refused["left"]["torque_nm"]) > 0.01 * RATED_NM
 
+    cancelled(start, words, data)
     says_no(stands_apart, data)
 
     done = here("recover", *bench, "--data", str(data), "--yes", "--json")
@@ -126,8 +139,11 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
     assert (done.exit_code, report["released"]) == (0, True), done.err
     for said in ("Torque at the output", "Lock                  closed", "Check:", "bringing the torque to zero"):
         assert said in done.err
+    left = json.loads((Path(report["record"]) / "run.json").read_bytes())["left"]
+    assert left["zeroes_of"] == min(one.parent.name for one in data.glob("*/run.json")), "no later run took them"
     table = records_of(Path(report["record"]))
     assert table["orders"]["state"][-1] == State.STOPPED
+    assert table["orders"]["torque_out_tare_nm"][-1] == left["torque_out_tare_nm"] != 0.0
     torque_nm = table["image"]["torque_out_nm"] - table["orders"]["torque_out_tare_nm"]
     assert abs(torque_nm[-1]) < 0.02 * RATED_NM
     opened = int(np.argmax(table["image"]["brake_on"] & (table["orders"]["brake_on"] == 0)))
@@ -139,3 +155,7 @@ def test_recover_releases_a_unit_that_was_left_wound_up(start, stands_apart, tmp
     nothing = here("recover", *bench, "--data", str(data), "--yes")
     assert nothing.exit_code == 0
     assert "Nothing to recover" in nothing.out
+
+    cancelled(start, words, data)
+    nothing = here("recover", *bench, "--data", str(data), "--yes")
+    assert (nothing.exit_code, "Nothing to recover" in nothing.out) == (0, True), "as the recovery left it"

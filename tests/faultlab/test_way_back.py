@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import dataclasses
 import itertools
 
 import pytest
@@ -37,14 +38,18 @@ def stopped() -> Bench:
     return bench
 
 
-def restarted(bench: Bench, *, knowing: bool) -> Bench:
+def restarted(bench: Bench, *, knowing: bool, zeroes_known: bool = True, zero_limit_nm: float | None = None) -> Bench:
     """The same bench, lock closed as it was left, with a new controller that has been given its start."""
     before = bench.run.orders[-1]
-    left = Left(before.fault, before.torque_in_tare_nm, before.torque_out_tare_nm)
+    zeroes = (before.torque_in_tare_nm, before.torque_out_tare_nm) if zeroes_known else (0.0, 0.0)
+    left = Left(before.fault, *zeroes, zeroes_known=zeroes_known)
     bench.run, run = FaultRun(bench.run.period_s), bench.run
     twin = copy.deepcopy(bench)
     bench.run = run
-    twin.controller = Controller(twin.controller.program, left=left if knowing else None)
+    program = twin.controller.program
+    if zero_limit_nm is not None:
+        program = dataclasses.replace(program, tare=dataclasses.replace(program.tare, torque_out_zero_nm=zero_limit_nm))
+    twin.controller = Controller(program, left=left if knowing else None)
     for _ in range(30):
         twin.go()
     twin.order(Command.START)
@@ -104,6 +109,20 @@ def test_the_way_back_unloads_behind_the_closed_lock_and_opens_it_near_zero(stop
     assert max(steps) <= program.control.slew_nm_s * program.period_s + 1e-9
     settle(bench, program.settle_scans)
     assert bench.controller.finished
+
+
+@pytest.mark.parametrize(("zero_limit_nm", "end"), [(1.0, State.STOPPED), (RATED_NM, State.FAULT)])
+def test_what_may_be_the_zero_error_of_a_sensor_proves_no_lock(stopped, zero_limit_nm, end):
+    """Without zeroes the error of a sensor counted as torque that the lock holds, and the drive was enabled."""
+    bench = restarted(stopped, knowing=True, zeroes_known=False, zero_limit_nm=zero_limit_nm)
+    settle(bench)
+    bench.order(Command.ACKNOWLEDGE)
+    bench.go()
+    bench.order(Command.RESET)
+    assert bench.until(lambda orders: orders.state == State.UNLOAD)
+    assert bench.until(lambda orders: orders.state == end)
+    assert bool(commands(bench) & set(ENABLING)) == (end == State.STOPPED)
+    assert bench.run.orders[-1].brake_on == (end == State.FAULT)
 
 
 @pytest.mark.parametrize(
@@ -173,6 +192,8 @@ def test_a_jammed_unit_is_left_to_a_person_with_its_torque_behind_the_closed_loc
     known = {f"{name}_known": True for name in ("torque", "lock", "drive")}
     left = LeftState(torque_nm=kept_nm, release_torque_nm=8.2, lock="closed", drive="off", **known)
     assert "turn the loaded shaft back by hand" in left_action(left)
+    still_on = dataclasses.replace(left, drive="on", torque_nm=0.1, lock="open")
+    assert "switch its power off" in left_action(still_on), "it can be removed otherwise"
 
 
 @pytest.fixture(scope="module")

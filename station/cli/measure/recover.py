@@ -12,11 +12,12 @@ import json
 import select
 import signal
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import NoReturn
 
-from definitions.faults import FAULT_BY_ID, FAULT_BY_NUMBER
+from definitions.faults import FAULT_BY_NUMBER
 from station.atomic_file import as_json
 from station.bench.files import load_named_bench
 from station.bench.request import Job, stored_job, stored_job_on
@@ -32,7 +33,6 @@ from station.records.program_file import PROGRAM, StoredProgram, plain_program
 from station.records.run_record import BENCH_COPY, INTERRUPTED, NOT_CONCLUDED, RECIPE_COPY, RunRecord
 from station.records.samples.check import sound_table
 from station.records.samples.samples import samples_bytes
-from station.records.samples.table import Table
 from station.reports.stored_result import result_and_doubts
 from station.run.conclusion import conclude
 from station.run.new_record import bench_source
@@ -40,15 +40,14 @@ from station.run.outcome import RunOutcome
 from station.run.pacing import pacing_of
 from station.run.supervisor import Supervisor
 from station.run.way_back.guide import Guide
+from station.run.way_back.how_left import HowLeft, how_left
+from station.run.way_back.left_by import left_by
 from station.run.way_back.recover import recover as conclude_deserted
 from station.run.way_back.recoveries import is_released, recoveries
 from station.version import software
 
 ACKNOWLEDGED_BY = signal.SIGUSR1
 """Signal that is the answer of whoever has no terminal, such as the station; SIGINT leaves the bench as it is."""
-
-NO_FAULT = FAULT_BY_ID["brake_stays_closed"].number
-"""Where a run was torn off without a fault: what goes on is the lock that was left closed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,7 +76,8 @@ def recover(
         StationError, RecipeError: no run has left this bench, or nobody is there to answer.
 
     """
-    run = _last_run(Store(data), bench)
+    used = _used_bench(Store(data), bench)
+    run = next(used, None) or _nothing_recorded(Store(data), bench)
     _conclude_if_deserted(run)
     manifest = run.manifest()
     content, layout = samples_bytes(run), run.layout()
@@ -101,7 +101,7 @@ def recover(
         f"Run {run.id} of unit {manifest.serial} ended as {manifest.state}. Bench: "
         f"{before.text if before else 'unknown'}"
     )
-    if manifest.state in ("complete", "stopped"):
+    if how_left(run) is HowLeft.IN_ORDER:
         say("the run ended normally: unloaded, lock open, drive off. Nothing to recover")
         if as_json:
             nothing = Recovery(run=run.id, before=before, after=before, released=True, record=str(run.folder))
@@ -117,7 +117,7 @@ def recover(
             "no terminal to answer in: run it in a terminal, or with --yes after you have checked the bench"
         )
     job = stored_job(run) if bench is None else stored_job_on(run, bench)
-    left = left_by(table)
+    left = left_by(run, table, used)
     asked = _Signalled() if by_signal else _Said(_say_yes if yes else _typed)
     record = _create(data, run, job, left, None if operator is None else check_operator(operator))
     guide = Guide(job.program, say, asked.answer, asked.forget)
@@ -162,21 +162,13 @@ def _conclude_if_deserted(run: RunRecord) -> None:
         sys.stderr.write(f"WARNING  {run.id}: cannot be concluded now: {error}\n")
 
 
-def left_by(table: Table) -> LeftBy:
-    """Return what the controller of a recovery has to know of the run before: its fault and its zeroes."""
-    orders = table[-1]["orders"]
-    return LeftBy(
-        fault=int(orders["fault"]) or NO_FAULT,
-        torque_in_tare_nm=float(orders["torque_in_tare_nm"]),
-        torque_out_tare_nm=float(orders["torque_out_tare_nm"]),
-    )
+def _used_bench(store: Store, bench: str | None) -> Iterator[RunRecord]:
+    """Yield the runs over wires and the recoveries that used a bench, on this one when one is named, newest first.
 
-
-def _last_run(store: Store, bench: str | None) -> RunRecord:
-    """Return the newest run over wires, on this bench when one is named, or the recovery that came after it."""
+    One that ended before it changed anything is passed over: the bench is as the one before left it.
+    """
     name = None if bench is None else load_named_bench(bench).bench.name
     runs = [*store.runs(), *recoveries(store.data).runs()]
-    virtual = False
     for run in sorted(runs, key=lambda item: item.id, reverse=True):
         try:
             manifest = run.manifest()
@@ -184,20 +176,32 @@ def _last_run(store: Store, bench: str | None) -> RunRecord:
             # It may be the one that left the bench as it is: a person is told before anything is asked.
             sys.stderr.write(f"WARNING  run {run.id} is passed over: {error}\n")
             continue
-        if name not in (None, manifest.bench.name):
+        if name not in (None, manifest.bench.name) or clock_of(manifest.clock) not in (WALL, SCAN):
             continue
-        if clock_of(manifest.clock) == VIRTUAL:
-            virtual = True
-        elif clock_of(manifest.clock) in (WALL, SCAN) and run.records():
-            if run.state() == "recording":
-                raise StationError(f"run {run.id} is still in progress. Wait for its end, or stop it")
-            return run
+        name = manifest.bench.name  # what is read of earlier runs is of the same bench
+        if how_left(run) is HowLeft.AS_FOUND or not run.records():
+            continue
+        if run.state() == "recording":
+            raise StationError(f"run {run.id} is still in progress. Wait for its end, or stop it")
+        yield run
+
+
+def _nothing_recorded(store: Store, bench: str | None) -> NoReturn:
+    """Say why there is no run to recover a bench after."""
+    name = None if bench is None else load_named_bench(bench).bench.name
     on = f"bench {name}" if name else "a bench"
-    if virtual:
+    if any(_was_simulated(run, name) for run in store.runs()):
         raise StationError(
             f"folder {store.data}: all runs on {on} were in virtual time, so there is no bench to recover"
         )
     raise StationError(f"folder {store.data} has no recorded run on {on}. Name the folder of the runs with --data")
+
+
+def _was_simulated(run: RunRecord, bench: str | None) -> bool:
+    with contextlib.suppress(RecordError):
+        manifest = run.manifest()
+        return bench in (None, manifest.bench.name) and clock_of(manifest.clock) == VIRTUAL
+    return False
 
 
 def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | None) -> RunRecord:

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from controller.controller import Controller
 from controller.decisions import DECISIONS_VERSION, changes_since
-from controller.held_lock import Left
 from definitions.program import Program
 from recipes import RecipeError
 from station.atomic_file import read_file
@@ -29,6 +28,7 @@ from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
 from station.results.replay import FirstDiffering, Replayed, not_compared, replay
 from station.run.conclusion import NOT_DECIDABLE
 from station.run.jog.jogs import find_record, stored_jog
+from station.run.way_back.left_by import taken_up
 
 SAME, DIFFERS, BAD, UNDECIDED = 0, 1, 2, EXIT_CODES[NOT_DECIDABLE]
 FIRST_DECISIONS = 1
@@ -68,8 +68,7 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
 
 def _replay(run: RunRecord, job: Job, altered: tuple[str, ...], other: str | None, *, as_json: bool) -> int:
     content, layout = samples_bytes(run), run.layout()
-    kept = run.manifest().left
-    left = None if kept is None else Left(kept.fault, kept.torque_in_tare_nm, kept.torque_out_tare_nm)
+    left = taken_up(run.manifest().left)
     question = None if other is None else Question(other, run, job, left)
     controller = Controller(job.program, None, left) if question is None else question.controller
     started = time.perf_counter()

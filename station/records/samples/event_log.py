@@ -140,6 +140,12 @@ def events_of(table: Table, period_ns: int, notes: Sequence[Note]) -> list[Event
     return sorted(found, key=lambda event: event.scan)
 
 
+def has_begun(events: Sequence[EventRow | Alarm]) -> bool:
+    """Say whether a run has left the state in which nothing moves, otherwise than by a stop."""
+    stopped = state_name(State.STOPPED)
+    return any(event.kind == "transition" and event.to != stopped for event in events if isinstance(event, EventRow))
+
+
 def alarms_in(events: Sequence[EventRow | Alarm]) -> list[Alarm]:
     """Return the alarms among events in order of time; of the same scan, the one that caused the reaction first."""
     alarms = [event for event in events if isinstance(event, Alarm)]

@@ -11,7 +11,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.newest_runs import newest_runs
 from station.records.run_record import RunRecord
-from station.run.way_back.last_run import NEEDS_WAY_BACK
+from station.run.way_back.how_left import HowLeft, how_left
 from station.run.way_back.recoveries import FOLDER, recoveries, was_recovered
 
 LOOKED_INTO = 20
@@ -23,7 +23,7 @@ def recovery_begins_at(data: Path) -> RunRecord | None:
 
     That of the newest recovery, while no run came after it. Else the newest run whose bench is still as a fault left
     it, whatever other benches of the folder did since. Else the newest run. Runs that only simulated
-    a bench, by a record that is as it was sealed, do not count.
+    a bench, by a record that is as it was sealed, do not count, nor do those that ended before they changed anything.
 
     Raises:
         RecordError: the chain of the folder cannot be read.
@@ -32,7 +32,7 @@ def recovery_begins_at(data: Path) -> RunRecord | None:
     newest = [run for run in islice(newest_runs(data), LOOKED_INTO) if run.here][::-1]
     if not newest:
         return None
-    runs = [run.record for run in newest if not run.only_simulated()]
+    runs = [run.record for run in newest if not run.only_simulated() and not _left_as_found(run.record)]
     last = runs[-1] if runs else newest[-1].record
     recovery = next(iter(recoveries(data).newest(1)), None)
     if recovery is not None and recovery.id > last.id:
@@ -64,10 +64,17 @@ def _in_need(data: Path, runs: list[RunRecord]) -> Iterator[RunRecord]:
             if bench.name in seen:
                 continue
             seen.add(bench.name)
-            if not bench.embedded and run.state() in NEEDS_WAY_BACK and not was_recovered(data, run):
+            if not bench.embedded and how_left(run) is HowLeft.IN_NEED and not was_recovered(data, run):
                 yield run
         except StationError:
             continue  # it is told where it is the newest; which bench it was on nobody knows
+
+
+def _left_as_found(run: RunRecord) -> bool:
+    try:
+        return how_left(run) is HowLeft.AS_FOUND
+    except StationError:
+        return False
 
 
 def _has_ended(run: RunRecord) -> bool:

@@ -13,7 +13,7 @@ from enum import Enum, auto
 from controller.aftermath import FaultReaction
 from controller.sample import shown_torque_nm
 from definitions.faults import FAULT_BY_NUMBER, FAULTS
-from definitions.image import Command, DriveState, Image, Orders, Reaction, State
+from definitions.image import Command, DriveState, Image, Link, Orders, Reaction, State
 from definitions.program import Program
 from definitions.states import row_of
 from drivers.servo_drive.emcy import emcy_sentence
@@ -21,6 +21,7 @@ from station.records.ring.reader import RingReader
 from station.records.samples.scan_record import unpack
 
 QUESTION = "All checked? The torque is then brought to zero and the lock opened; the shaft turns. [y/N] "
+NOT_KNOWN = "NOT KNOWN: the device does not answer"
 MOST_TRIES = 3
 ANSWER_WITHIN_S = 3.0
 """A reset that was accepted leaves the fault within this time: a drive in fault is reset first."""
@@ -108,17 +109,31 @@ def torque_text(image: Image, orders: Orders, program: Program) -> str:
     return "not known: no fresh sample" if torque_nm is None else f"{torque_nm:+.1f} N·m"
 
 
+def _heard(image: Image, program: Program) -> set[Link]:
+    """Return the connections whose last values are fresh: what another one said last, it may not say any more."""
+    limits = program.limits
+    fresh = {
+        Link.CAN: image.drive_age_scans <= limits.drive_stale_scans,
+        Link.BRAKE: image.brake_age_scans <= limits.brake_stale_scans,
+        Link.REMOTE_IO: image.io_age_scans <= limits.io_stale_scans,
+    }
+    return {link for link, is_fresh in fresh.items() if is_fresh and not image.links_lost & link}
+
+
 def situation(image: Image, orders: Orders, program: Program) -> list[str]:
     """Return what the bench shows and what a person checks before anything is acknowledged, one line each."""
     torque = torque_text(image, orders, program)
     drive = DriveState(image.drive_state).name.lower().replace("_", " ")
     lock = f"closed, {image.brake_current_a:.2f} A" if image.brake_on else "open"
+    estop = "released" if image.estop_released else "PRESSED"
+    guard = "closed" if image.guard_closed else "OPEN"
+    heard = _heard(image, program)
     lines = [
         f"Torque at the output  {torque} (the lock may open below {program.release_torque_nm:.1f} N·m)",
-        f"Lock                  {lock}",
-        f"Servo drive           {drive}",
-        f"Emergency stop        {'released' if image.estop_released else 'PRESSED'}",
-        f"Guard                 {'closed' if image.guard_closed else 'OPEN'}",
+        f"Lock                  {lock if Link.BRAKE in heard else NOT_KNOWN}",
+        f"Servo drive           {drive if Link.CAN in heard else NOT_KNOWN}",
+        f"Emergency stop        {NOT_KNOWN if Link.REMOTE_IO not in heard else estop}",
+        f"Guard                 {NOT_KNOWN if Link.REMOTE_IO not in heard else guard}",
     ]
     if image.drive_emcy_code:
         lines.append(f"Servo drive reports   {emcy_sentence(image.drive_emcy_code)}")

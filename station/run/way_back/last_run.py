@@ -13,10 +13,8 @@ from station.records.chain.lookup import begun_on_bench, entries_of_run, last_be
 from station.records.folder_check import runs_before
 from station.records.newest_runs import KnownRun, newest_runs
 from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
+from station.run.way_back.how_left import NEEDS_WAY_BACK, STOPPED, HowLeft, how_left
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
-
-NEEDS_WAY_BACK = ("fault", "interrupted", "not concluded")
-"""How a run may end so that the bench has to be recovered before anything turns."""
 
 LOOKED_INTO = 100
 """Runs: of a bench that has none among them, the chain says which was its last."""
@@ -34,8 +32,15 @@ class LastRun(RunRecord):
 
     @property
     def ended_well(self) -> bool:
-        """Whether the chain says that the run ended, and with the unit unloaded."""
-        return self._sealed is not None and self._sealed.fields["state"] not in NEEDS_WAY_BACK
+        """Whether the chain says that the run ended with the unit unloaded; of one that was stopped it does not."""
+        return self._sealed is not None and self._sealed.fields["state"] not in {*NEEDS_WAY_BACK, STOPPED}
+
+    def left_as_found(self) -> bool:
+        """Say whether the run ended before it changed anything: the bench is as the run before left it."""
+        try:
+            return how_left(self) is HowLeft.AS_FOUND
+        except RecordError:
+            return False
 
     def state(self) -> str:
         """State of the run, as `RunRecord.state`; what only run.json says to have ended has not, for the chain."""
@@ -46,7 +51,7 @@ class LastRun(RunRecord):
 
 
 def last_run_of(data: Path, job: Job) -> RunRecord | None:
-    """Return the newest run on the bench of a job; None where there is none.
+    """Return the newest run on the bench of a job that changed anything of it; None where there is none.
 
     One whose run.json cannot be read may be of this bench, unless a later one is: it counts. One in virtual time on a
     real bench's file was not on it, where its run.json is as it was sealed. A folder that the chain does not know may
@@ -58,7 +63,9 @@ def last_run_of(data: Path, job: Job) -> RunRecord | None:
     """
     for run in islice(newest_runs(data), LOOKED_INTO):
         if _may_be_on(run, job) and (_is_known(data, run) or not _says_that_it_ended_well(run.record)):
-            return LastRun(run.record.folder, run.sealed, begun=run.created is not None)
+            last = LastRun(run.record.folder, run.sealed, begun=run.created is not None)
+            if not last.left_as_found():
+                return last
     begun = last_begun_on_each_bench(data)
     files = [sha256 for sha256, run in begun.items() if _is_on(RunRecord(data / run), job)]
     own = max((_last_used(data, sha256) for sha256 in files), default="")
@@ -87,7 +94,7 @@ def why_not_free(data: Path, run: RunRecord, what_to_do: str) -> str:
     way_back = newest_recovery(data, run)
     if way_back is not None and is_under_way(way_back):
         return UNDER_WAY
-    if state not in NEEDS_WAY_BACK or was_recovered(data, run):
+    if how_left(run) is not HowLeft.IN_NEED or was_recovered(data, run):
         return ""
     return f"Run {run.id} ended with '{state}'. {what_to_do}"
 
@@ -97,7 +104,9 @@ def _last_used(data: Path, bench_sha256: str) -> str:
     chain = Chain(data).id
     for run in reversed(begun_on_bench(data, bench_sha256)):
         lines = {one.kind: one for one in entries_of_run(data, run)}
-        if not KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain).only_simulated():
+        if KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain).only_simulated():
+            continue
+        if not LastRun(data / run, lines.get(SEALED), begun=True).left_as_found():
             return run
     return ""
 

@@ -15,6 +15,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RESULT, RunRecord
 from station.records.seal import is_sealed
+from station.run.way_back.how_left import HowLeft, how_left
 
 FOLDER = "recoveries"
 
@@ -35,6 +36,8 @@ def is_released(state: str, after: LeftState | None) -> bool:
 def newest_recovery(data: Path, run: RunRecord) -> RunRecord | None:
     """Return the newest recovery of a run's bench that was begun after the run; None where there is none.
 
+    One that ended before it changed anything is passed over.
+
     Raises:
         RecordError: run.json of the run cannot be read.
 
@@ -44,7 +47,7 @@ def newest_recovery(data: Path, run: RunRecord) -> RunRecord | None:
         if found.id < run.id:
             return None
         try:
-            if found.manifest().bench.name == bench:
+            if found.manifest().bench.name == bench and how_left(found) is not HowLeft.AS_FOUND:
                 return found
         except StationError:
             return found  # nobody knows what it did: it is not the word that the bench is free

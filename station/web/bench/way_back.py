@@ -24,7 +24,7 @@ from station.own_program import own_module
 from station.records.data_folder import Store
 from station.records.run_record import BENCH_COPY, RESULT, RunRecord, only_simulated
 from station.run.way_back.begins_at import recovery_begins_at
-from station.run.way_back.last_run import NEEDS_WAY_BACK
+from station.run.way_back.how_left import HowLeft, how_left
 from station.run.way_back.recoveries import FOLDER, is_released, newest_recovery
 from station.web.bench.sight import Sight
 from station.web.running import RUNNING, Now, Running
@@ -135,7 +135,7 @@ class WayBack:
     def _standing(self, run: RunRecord, manifest: Manifest, now: Now) -> Standing:
         if now.stage == RUNNING:
             return Standing(_fault(run, manifest), recovery=now.run)
-        why_none = _why_none(run.state(), manifest)
+        why_none = _why_none(run, manifest)
         if why_none:
             return Standing(why_none=why_none)
         found = newest_recovery(self._data, run)
@@ -157,11 +157,14 @@ class WayBack:
         return ""
 
 
-def _why_none(state: str, manifest: Manifest) -> str:
-    """Return why there is nothing to recover after a run in this state, '' where there is."""
-    if state == RECORDING:
+def _why_none(run: RunRecord, manifest: Manifest) -> str:
+    """Return why there is nothing to recover after a run, '' where there is."""
+    if run.state() == RECORDING:
         return "A run is in progress."
-    if state not in NEEDS_WAY_BACK:
+    found = how_left(run)
+    if found is HowLeft.AS_FOUND:
+        return "The newest run ended before anything on the bench was changed."
+    if found is HowLeft.IN_ORDER:
         return "The newest run ended normally: unloaded, lock open, drive off."
     if manifest.bench.embedded or only_simulated(manifest):
         return "The virtual bench ended with its run: there is nothing to recover."

@@ -5,12 +5,13 @@ from __future__ import annotations
 import dataclasses
 import re
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey
-from ended_runs import bench_of, ended, recovered
+from ended_runs import bench_of, cancelled, ended, recovered, refused
 
 from station.documents.manifest import Setup
 from station.records.chain.entries import entry_of, signed_entry
@@ -60,6 +61,51 @@ def test_the_page_recovers_each_bench_that_a_fault_left_the_newest_first(tmp_pat
     recovered(tmp_path, first, bench_of("bench-3"))
     ended(tmp_path, "SN-3", setup=bench_of("bench-4"))
     assert way_back.standing().fault is None
+
+
+@pytest.mark.parametrize("others", [0, 120])
+@pytest.mark.parametrize("after", [(cancelled,), (refused,), (refused, cancelled, refused)])
+def test_a_start_that_changed_nothing_leaves_a_bench_as_the_run_before(
+    tmp_path: Path, after: tuple[Callable[..., str], ...], others: int
+) -> None:
+    """A start that was cancelled freed a bench with a wound-up unit; one that was refused blocked a bench in order."""
+    way_back = WayBack(tmp_path)
+
+    def then() -> tuple[str | None, str]:
+        for start in after:
+            start(tmp_path, "SN-9", bench_of("bench-3"))
+        for number in range(others):
+            ended(tmp_path, f"W-{number}", setup=bench_of("bench-4", "c" * 64))
+        last = last_run_of(tmp_path, job_of("bench-3"))
+        return (None, "") if last is None else (last.id, why_not_free(tmp_path, last, "Do it."))
+
+    assert then() == (None, "")
+    well = ended(tmp_path, "SN-1", setup=bench_of("bench-3"))
+    assert then() == (well, "")
+    assert way_back.standing().fault is None
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    run, why = then()
+    assert (run, "Do it." in why) == (fault, True)
+    if not others:
+        assert way_back.standing().fault.run == fault
+    recovered(tmp_path, fault, bench_of("bench-3"))
+    assert then() == (fault, "")
+
+
+@pytest.mark.parametrize(("to", "lock", "free"), [
+    (("home", "stopped"), "closed", False), (("home", "stopped"), "open", True), (("stopped",), "open", True),
+])  # fmt: skip
+def test_a_run_that_was_stopped_frees_its_bench_with_the_lock_open_only(
+    tmp_path: Path, to: tuple[str, ...], lock: str, *, free: bool
+) -> None:
+    stopped = cancelled(tmp_path, "SN-1", bench_of("bench-3"), to=to, lock=lock)
+    last = last_run_of(tmp_path, job_of("bench-3"))
+    assert (last is None) == (to == ("stopped",))
+    assert last is None or (why_not_free(tmp_path, last, "Do it.") == "") == free
+    events = tmp_path / stopped / "events.jsonl"
+    events.write_bytes(events.read_bytes().replace(b'"home"', b'"stopped"') + b"\n")
+    last = last_run_of(tmp_path, job_of("bench-3"))
+    assert "Do it." in why_not_free(tmp_path, last, "Do it."), "an altered record proves nothing"
 
 
 def simulated(name: str, sha256: str = "b" * 64) -> Setup:

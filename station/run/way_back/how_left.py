@@ -1,0 +1,66 @@
+"""How a run left its bench: in order, in need of a recovery, or as it found it, so that the run before it counts."""
+
+from __future__ import annotations
+
+from enum import Enum, auto
+
+from station.atomic_file import read_file
+from station.documents.events import EventRow
+from station.documents.reading import document_in
+from station.documents.result import Result
+from station.errors import StationError
+from station.records.run_record import EVENTS, INTERRUPTED, NOT_CONCLUDED, RESULT, RunRecord
+from station.records.samples.event_log import has_begun
+from station.records.seal import alterations, is_sealed
+
+FAULT, STOPPED = "fault", "stopped"
+
+NEEDS_WAY_BACK = (FAULT, INTERRUPTED, NOT_CONCLUDED)
+"""How a run may end so that the bench has to be recovered before anything turns."""
+
+
+class HowLeft(Enum):
+    """What a run means for its bench."""
+
+    IN_ORDER = auto()
+    """Unloaded, with the lock open; or the run is still on, which is told elsewhere."""
+    AS_FOUND = auto()
+    """The run ended before anything of the bench was changed: the bench is as the run before left it."""
+    IN_NEED = auto()
+    """The unit may be wound up behind the lock: the bench has to be recovered."""
+
+
+def how_left(run: RunRecord) -> HowLeft:
+    """Return how a run, or a recovery, left its bench; without proof of something better in need of a recovery.
+
+    Raises:
+        RecordError: run.json cannot be read.
+
+    """
+    state = run.state()
+    if state not in {*NEEDS_WAY_BACK, STOPPED}:
+        return HowLeft.IN_ORDER
+    if state not in {FAULT, STOPPED}:
+        return HowLeft.IN_NEED
+    try:
+        manifest = run.manifest()
+        if not is_sealed(manifest) or alterations(run):
+            return HowLeft.IN_NEED
+        if _ended_before_it_began(run, state):
+            return HowLeft.AS_FOUND
+        left = run.read(Result, RESULT).left
+    except StationError:
+        return HowLeft.IN_NEED
+    opened = state == STOPPED and left is not None and left.lock == "open"
+    return HowLeft.IN_ORDER if opened else HowLeft.IN_NEED
+
+
+def _ended_before_it_began(run: RunRecord, state: str) -> bool:
+    """Whether nothing of the bench was changed: it could not be opened, or the start was cancelled.
+
+    Of a bench that could not be opened there is no record; a scan that is lost later has one.
+    """
+    if state == FAULT:
+        return run.manifest().records == 0
+    lines = read_file(run.folder / EVENTS).splitlines()
+    return not has_begun([document_in(EventRow, line, run.folder / EVENTS) for line in lines])

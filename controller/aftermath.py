@@ -8,7 +8,7 @@ from controller.context import RUNNING, Context, Outcome
 from controller.ramp import TorqueRamp
 from controller.unloading import Unloading
 from definitions.faults import FAULT_BY_ID
-from definitions.image import DriveCommand, DriveMode, DriveState, Image, Reaction
+from definitions.image import DriveCommand, DriveMode, DriveState, Image, Link, Reaction
 
 DRIVE_IS_OFF = frozenset(
     {DriveState.SWITCH_ON_DISABLED, DriveState.NOT_READY_TO_SWITCH_ON, DriveState.FAULT, DriveState.READY_TO_SWITCH_ON},
@@ -187,6 +187,8 @@ class FaultReaction:
         elif phase == self.POWERLESS:
             if self._waited >= program.settle_scans:
                 context.phase = self.SETTLED
+                if self._is_still_on(image):
+                    context.notes.append("the servo drive does not switch off: switch its power off, and keep clear")
         elif phase == self.DRIVE_RESET:
             return self._reset_drive(image, active)
         return RUNNING
@@ -198,6 +200,11 @@ class FaultReaction:
             context.phase = self.POWERLESS
             context.disable_drive()
             self._waited = 0
+
+    def _is_still_on(self, image: Image) -> bool:
+        """Say whether the drive itself says so, and is heard: a silent one has an alarm of its own."""
+        fresh = image.drive_age_scans <= self._context.program.limits.drive_stale_scans
+        return fresh and not image.links_lost & Link.CAN and image.drive_state not in DRIVE_IS_OFF
 
     def request_reset(self) -> str:
         """Ask for the recovery; says what stands against it, or '' when it has begun."""
@@ -223,11 +230,12 @@ class FaultReaction:
                 context.disable_drive()
                 context.phase = self.SETTLED
                 context.notes.append("reset refused: the servo drive stays in fault")
-        elif active:
+        elif active or image.drive_state not in DRIVE_IS_OFF:
             context.disable_drive()
             if self._waited > context.program.enable_scans:
                 context.phase = self.SETTLED
-                context.notes.append("reset refused: the servo drive keeps reporting an error")
+                why = "keeps reporting an error" if active else "does not switch off"
+                context.notes.append(f"reset refused: the servo drive {why}")
         else:
             context.disable_drive()
             return Outcome(trigger="reset")

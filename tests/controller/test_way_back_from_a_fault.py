@@ -155,3 +155,22 @@ def test_the_way_back_starts_its_torque_from_zero():
     unload = [orders.drive_target_torque_nm for orders in run.orders if orders.state == S.UNLOAD]
     slew_nm = program.control.slew_nm_s * program.period_s
     assert max(abs(b - a) for a, b in itertools.pairwise([0.0, *unload])) <= slew_nm * 1.001
+
+
+def test_a_drive_that_does_not_switch_off_is_told_and_nothing_goes_on_with_it():
+    """With a set-point that no longer arrives it stays on while the lock is closed, and only its state says so."""
+    run = mid_ramp()
+    run.bench.frozen = {"guard_closed": 0, "drive_state": DriveState.OPERATION_ENABLED}
+    run.until_finished()
+    assert run.controller.state == S.FAULT
+    assert [event.text for event in run.events if "switch its power off" in event.text]
+    run.bench.frozen = {"drive_state": DriveState.OPERATION_ENABLED}
+    run.command(Command.ACKNOWLEDGE)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.phase == FaultReaction.SETTLED)
+    assert [event.text for event in run.events if event.text.startswith("reset refused")]
+    assert run.controller.state == S.FAULT
+    run.bench.frozen = {}
+    run.go(50)
+    run.command(Command.RESET)
+    run.until(lambda orders: orders.state == S.STOPPED)

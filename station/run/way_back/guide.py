@@ -56,7 +56,8 @@ class Guide:
         """Look at the newest record; tell, ask, and give the commands of the person."""
         _, image, orders = unpack(ring.last())
         state = State(orders.state)
-        if row_of(state).way_back and state != self._shown:
+        led_here = state != State.STOPPED or self._shown == State.RELEASE  # else it was stopped before it began
+        if row_of(state).way_back and state != self._shown and led_here:
             self._shown = state
             self._say(f"  {row_of(state).way_back} ({torque_text(image, orders, self._program)})")
         settled = state == State.FAULT and orders.phase == FaultReaction.SETTLED

@@ -11,7 +11,7 @@ from controller.states import TRIGGER_INTO
 from controller.sweep import TorqueSweep
 from controller.unloading import Unloading
 from definitions.image import DriveCommand, DriveMode, DriveState, Image, State
-from definitions.program import Segment
+from definitions.program import Segment, Sweep
 from definitions.states import LOADED
 
 TIMEOUT_FAULT: dict[State, str] = {
@@ -45,7 +45,7 @@ class Loading:
         self._line = LoadingLine()
         self._unloading = Unloading(context, self._torque)
         self._held_lock = HeldLock(context)
-        self._sweep: TorqueSweep | None = None
+        self._sweep = TorqueSweep(context.program.period_s)
         self._waited = 0
         self._target_nm = 0.0
         self._regulating: tuple[int, bool] = (DriveMode.NONE, False)
@@ -66,7 +66,7 @@ class Loading:
             context.control_from_input = context.program.control.controlled_from_input
         else:
             context.control_from_input = not context.program.has_torque_out
-        self._sweep = TorqueSweep(segment.sweep, context.program.period_s) if segment.sweep else None
+        self._sweep.begin()
         self._target_nm = self._controlled_target(segment)
         self._bound_torque(segment)
         if context.measured.drive_enabled_expected and (
@@ -183,8 +183,8 @@ class Loading:
     def _run(self, segment: Segment, elapsed: int) -> bool:
         context = self._context
         controlled_nm = context.measured.controlled_nm
-        if self._sweep is not None:
-            return self._swing(self._sweep, controlled_nm, elapsed)
+        if segment.sweep is not None:
+            return self._swing(segment.sweep, controlled_nm, elapsed)
         if context.drive_mode == _VELOCITY_MODE:
             if segment.dwell_scans:
                 context.drive_velocity_rad_s = 0.0
@@ -199,17 +199,17 @@ class Loading:
         context.reference_nm = self._torque.reference_nm
         return self._waited >= segment.dwell_scans if segment.dwell_scans else done
 
-    def _swing(self, sweep: TorqueSweep, controlled_nm: float, elapsed: int) -> bool:
+    def _swing(self, sweep: Sweep, controlled_nm: float, elapsed: int) -> bool:
         """One scan of a sweep about the target; a hold stops its time."""
-        context, ramp = self._context, self._torque
+        context, ramp, swing = self._context, self._torque, self._sweep
         if context.hold:
             ramp.track(ramp.reference_nm, 0.0, controlled_nm)
         else:
-            sweep.advance(elapsed)
-            ramp.track(self._target_nm + sweep.torque_nm, sweep.rate_nm_s, controlled_nm)
+            swing.advance(sweep, elapsed)
+            ramp.track(self._target_nm + swing.torque_nm, swing.rate_nm_s, controlled_nm)
         context.drive_torque_nm = ramp.drive_nm
         context.reference_nm = ramp.reference_nm
-        return sweep.done
+        return swing.is_over(sweep)
 
     def _advance(self) -> Outcome:
         context = self._context

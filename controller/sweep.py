@@ -36,47 +36,49 @@ def _half(quarters: float) -> float:
 
 
 class TorqueSweep:
-    """One sweep under way; `advance` moves on by scans, `torque_nm` and `rate_nm_s` are about the mean torque."""
+    """How far a sweep is; `advance` moves on by scans, `torque_nm` and `rate_nm_s` are about the mean torque.
 
-    __slots__ = ("_cycles", "_fade", "_period_s", "_scan", "_sweep", "rate_nm_s", "torque_nm")
+    What sweep it is the segment says that is on. So all that changes here is numbers, and they are the whole state.
+    """
 
-    def __init__(self, sweep: Sweep, period_s: float) -> None:
-        self._sweep = sweep
+    __slots__ = ("_period_s", "_scan", "rate_nm_s", "torque_nm")
+
+    def __init__(self, period_s: float) -> None:
         self._period_s = period_s
-        # cycles within half a period: at the lowest frequency, and what the rise of the frequency adds
-        seconds = sweep.period_scans * period_s
-        self._cycles = (sweep.from_hz * seconds, (sweep.to_hz - sweep.from_hz) * seconds)
-        self._fade = 1.0 / (sweep.from_hz * period_s)  # scans of the slowest cycle
+        self.begin()
+
+    def begin(self) -> None:
+        """Start a sweep from its beginning."""
         self._scan = 0
-        self.torque_nm = 0.0
-        self.rate_nm_s = 0.0
+        self.torque_nm = self.rate_nm_s = 0.0
 
-    @property
-    def done(self) -> bool:
-        """True once the last period is over and the torque is the mean again."""
-        return self._scan >= self._sweep.scans
+    def is_over(self, sweep: Sweep) -> bool:
+        """Say whether the last period is over and the torque is the mean again."""
+        return self._scan >= sweep.scans
 
-    def advance(self, scans: int) -> None:
+    def advance(self, sweep: Sweep, scans: int) -> None:
         """Move on by so many scans; those of missed periods count, for the sweep keeps its time."""
-        sweep = self._sweep
         self._scan = scan = min(self._scan + scans, sweep.scans)
         share = (scan % sweep.period_scans) / sweep.period_scans
         falling = share > 0.5
         way = 1.0 - share if falling else share
-        slow, more = self._cycles
+        # cycles within half a period: at the lowest frequency, and what the rise of the frequency adds
+        seconds = sweep.period_scans * self._period_s
+        slow, more = sweep.from_hz * seconds, (sweep.to_hz - sweep.from_hz) * seconds
         phase = way * (slow + more * way)
         if falling:
             phase = -phase  # the whole period has a whole number of cycles
         frequency_hz = sweep.from_hz + (sweep.to_hz - sweep.from_hz) * 2.0 * way
-        part, growth = self._grown(scan)
+        part, growth = self._grown(sweep)
         wave, slope = sine(phase), sine(phase + 0.25)
         self.torque_nm = sweep.amplitude_nm * part * wave
         self.rate_nm_s = sweep.amplitude_nm * (part * TWO_PI * frequency_hz * slope + growth * wave)
 
-    def _grown(self, scan: int) -> tuple[float, float]:
+    def _grown(self, sweep: Sweep) -> tuple[float, float]:
         """Share of the amplitude, and its change per second; both are continuous, and zero at both ends."""
-        place = min(scan, self._sweep.scans - scan) / self._fade
+        fade = 1.0 / (sweep.from_hz * self._period_s)  # scans of the slowest cycle
+        place = min(self._scan, sweep.scans - self._scan) / fade
         if place >= 1.0:
             return 1.0, 0.0
-        growth = 6.0 * place * (1.0 - place) / (self._fade * self._period_s)
-        return place * place * (3.0 - 2.0 * place), growth if 2 * scan < self._sweep.scans else -growth
+        growth = 6.0 * place * (1.0 - place) / (fade * self._period_s)
+        return place * place * (3.0 - 2.0 * place), growth if 2 * self._scan < sweep.scans else -growth

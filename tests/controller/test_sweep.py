@@ -39,10 +39,10 @@ def test_torque_and_rate_are_continuous_and_zero_at_both_ends(
 ) -> None:
     sweep = whole(from_hz, cycles, period_scans, amplitude_nm)
     highest_hz = max(sweep.from_hz, sweep.to_hz)
-    going = TorqueSweep(sweep, PERIOD_S)
+    going = TorqueSweep(PERIOD_S)
     torques, rates = [going.torque_nm], [going.rate_nm_s]
-    while not going.done:
-        going.advance(1)
+    while not going.is_over(sweep):
+        going.advance(sweep, 1)
         torques.append(going.torque_nm)
         rates.append(going.rate_nm_s)
     assert len(torques) == sweep.scans + 1
@@ -60,21 +60,21 @@ def test_torque_and_rate_are_continuous_and_zero_at_both_ends(
 
 def test_the_middle_periods_are_alike() -> None:
     sweep = replace(SWEEP, periods=4)
-    going = TorqueSweep(sweep, PERIOD_S)
+    going = TorqueSweep(PERIOD_S)
     torques = []
-    while not going.done:
-        going.advance(1)
+    while not going.is_over(sweep):
+        going.advance(sweep, 1)
         torques.append(going.torque_nm)
     second, third = torques[2000:4000], torques[4000:6000]
     assert second == pytest.approx(third, abs=1e-9)
 
 
 def test_missed_periods_keep_the_time_of_the_sweep() -> None:
-    one, other = TorqueSweep(SWEEP, PERIOD_S), TorqueSweep(SWEEP, PERIOD_S)
+    one, other = TorqueSweep(PERIOD_S), TorqueSweep(PERIOD_S)
     for _ in range(300):
-        one.advance(1)
-    other.advance(100)
-    other.advance(200)
+        one.advance(SWEEP, 1)
+    other.advance(SWEEP, 100)
+    other.advance(SWEEP, 200)
     assert (one.torque_nm, one.rate_nm_s) == (other.torque_nm, other.rate_nm_s)
 
 

@@ -147,17 +147,16 @@ class CanDrive:
         self.nmt_state = int(NmtState.NEVER_HEARD)
         self.emcy_code = 0
         self.emergencies: deque[Emergency] = deque(maxlen=32)
-        self.frames_malformed = 0
-        self.frames_foreign = 0
+        self.frames_malformed = self.frames_foreign = 0
         self._ours = OurFrames(config, sensor_nodes)
         self._other_until_scan = -1
         self._other_heard_for_scans = ceil(OTHER_HEARD_FOR_S * heartbeat_scans / config.controller_heartbeat_s)
         self.setpoints_clamped = 0
         self.setpoint_is_clamped = False
         self._polls_with_frames_left = 0
-        self._emcy_withdrawn = False
-        self._reset_asked = False
-        self._heartbeat_scan = -1
+        self._emcy_withdrawn = self._reset_asked = False
+        self._emcy_scan = self._heartbeat_scan = -1
+        """Scans in which the last emergency with a code came, and the last heartbeat."""
         self._heartbeat_sent_scan = -heartbeat_scans
         self._heartbeat_scans = heartbeat_scans
         self._velocity_scans_left = 0
@@ -235,9 +234,11 @@ class CanDrive:
         self._numbers[self._emcy_register] = data[2]
         self.emergencies.append(Emergency(scan, code, data[2], data[3:]))
         if code:
-            self.emcy_code = code
+            self.emcy_code, self._emcy_scan = code, scan
             self._emcy_withdrawn = False
-        elif self.emergencies_in(scan):
+        elif data[2]:  # one of several errors is gone; the register says that others remain (CiA 301, 7.2.7.1)
+            self._emcy_withdrawn = False
+        elif self._emcy_scan == scan:
             self._emcy_withdrawn = True
         else:
             self.emcy_code = 0
@@ -248,10 +249,6 @@ class CanDrive:
         It stays so for `OTHER_HEARD_FOR_S`, so that one that sends now and then is not gone between two of its frames.
         """
         return scan <= self._other_until_scan
-
-    def emergencies_in(self, scan: int) -> int:
-        """Count the emergencies with a code that came in scan number `scan`."""
-        return sum(1 for emergency in self.emergencies if emergency.scan == scan and emergency.code)
 
     def _after_reset(self) -> None:
         # Some drives never send the "error reset" message: leaving the fault state after our reset says the same.

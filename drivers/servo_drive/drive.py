@@ -205,7 +205,7 @@ class CanDrive:
             self._process_data_scan = min(map(_SCAN_OF, self._all_receivers))
         self._polls_with_frames_left = self._polls_with_frames_left + 1 if link.frames_wait else 0
         if self._reset_asked and self.age_scans(scan) == 0:
-            self._after_reset()
+            self._after_reset(scan)
 
     def _take_other(self, cob_id: int, data: bytes, scan: int) -> None:
         """Take a frame that is no process data."""
@@ -250,11 +250,13 @@ class CanDrive:
         """
         return scan <= self._other_until_scan
 
-    def _after_reset(self) -> None:
-        # Some drives never send the "error reset" message: leaving the fault state after our reset says the same.
+    def _after_reset(self, scan: int) -> None:
+        # Some drives never send the "error reset" message: leaving the fault state after our reset says the same of
+        # what was told before. An emergency of this very scan is a new one.
         if decode_state(self.value("statusword")) not in _FAULTED:
             self._reset_asked = False
-            self.emcy_code = 0
+            if self._emcy_scan != scan:
+                self.emcy_code = 0
 
     def value(self, name: str) -> int:
         """Return the last received number of a mapped object; 0 before the first and for an unmapped one.

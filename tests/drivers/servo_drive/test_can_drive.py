@@ -192,6 +192,25 @@ def test_a_drive_that_never_says_reset(bench: DriveOnBus) -> None:
     assert bench.drive.emcy_code == 0
 
 
+@pytest.mark.parametrize("before_the_word", [True, False])
+def test_an_emergency_of_the_scan_in_which_the_fault_is_left_stays(bench: DriveOnBus, *, before_the_word: bool) -> None:
+    bench.put(EMCY, emergency(0x7121))
+    bench.answer(FAULT)
+    bench.drive.poll(1)
+    bench.drive.send(orders(command=DriveCommand.FAULT_RESET), 1)
+    if before_the_word:
+        bench.put(EMCY, emergency(0x4210))
+    bench.answer(0x0250)
+    if not before_the_word:
+        bench.put(EMCY, emergency(0x4210))
+    for scan in (2, 3):
+        bench.drive.poll(scan)
+        assert bench.drive.emcy_code == 0x4210
+    bench.put(EMCY, emergency(0, 0))
+    bench.drive.poll(4)
+    assert bench.drive.emcy_code == 0
+
+
 def test_frames_of_others_are_counted_only(bench: DriveOnBus) -> None:
     bench.put(0x186, bytes(6))
     bench.put(TPDO1, bytes(6), is_extended_id=True)

@@ -68,6 +68,7 @@ SCAN_VALUES = (
 _DISABLE_VOLTAGE, _FAULT_RESET = DriveCommand.DISABLE_VOLTAGE, DriveCommand.FAULT_RESET
 _START_HOMING, _ENABLE_OPERATION = DriveCommand.START_HOMING, DriveCommand.ENABLE_OPERATION
 _VELOCITY, _TORQUE, _HOMING = DriveMode.CYCLIC_SYNC_VELOCITY, DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.HOMING
+_BEFORE_THE_SCAN = -1
 _SCAN_OF = attrgetter("scan")
 _EMCY_BYTES = 8
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
@@ -131,6 +132,7 @@ class CanDrive:
     ) -> None:
         """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats.
 
+        Emergencies of the drive that came while the bench was set up count from the first scan on.
         `listeners`: who takes the frames of other nodes, by their identifiers. `sensor_nodes`: the sensors that have a
         node id, which nobody else may write to.
         """
@@ -182,6 +184,8 @@ class CanDrive:
         self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
         self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
         self._emcy_cob_id = EMCY_BASE + config.node_id
+        for data in link.early.pop(self._emcy_cob_id, ()):
+            self._take_emergency(data, _BEFORE_THE_SCAN)
         self._sync: Frame = (SYNC_COB_ID, b"")
         self._heartbeat: Frame = (HEARTBEAT_BASE + config.controller_node_id, bytes((NmtState.OPERATIONAL,)))
 

@@ -35,10 +35,22 @@ from drivers.servo_drive.pdo import (
 from drivers.servo_drive.units import drive_units
 
 FRAMES_PER_POLL = 64
-"""A babbling bus must not hold a scan; what is left is drained in the next one, and data count as old until then."""
+"""Frames that a scan takes at least, where so many have come; see `frames_per_poll`."""
 
-FRAMES_AFTER_GAP = 512
+MOST_FRAMES_PER_POLL = 1024
+"""Frames that a scan takes at most, whatever period and bus: more than any CAN bus delivers in 20 ms."""
+
+BUSES_PER_POLL = 2
+"""How many full buses a scan keeps up with, so that a queue that has formed becomes shorter."""
+
+SHORTEST_FRAME_BITS = 47
+"""Bits on the bus of a frame without data and stuffed bits, with the gap behind it (ISO 11898-1)."""
+
+POLLS_AFTER_GAP = 8
 """After missed periods the queue is long and the scan is late anyway: drain to the newest frames at once."""
+
+FRAMES_AFTER_GAP = POLLS_AFTER_GAP * FRAMES_PER_POLL
+"""Frames that a scan after missed periods takes at least, where so many have come."""
 
 VELOCITY_SCANS_AFTER_CSV = 10
 """Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
@@ -72,6 +84,16 @@ _BEFORE_THE_SCAN = -1
 _SCAN_OF = attrgetter("scan")
 _EMCY_BYTES = 8
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
+
+
+def frames_per_poll(period_ns: int, bitrate: int) -> int:
+    """Return how many frames a scan takes at most: `BUSES_PER_POLL` times what a full bus delivers in a period.
+
+    A babbling bus must not hold a scan. What is left is drained in the next one, and data count as old until then; so
+    no bus that works may deliver more than this for long. `bitrate`: of the bus [bit/s].
+    """
+    full = period_ns * 1e-9 * bitrate / SHORTEST_FRAME_BITS
+    return min(max(FRAMES_PER_POLL, ceil(BUSES_PER_POLL * full)), MOST_FRAMES_PER_POLL)
 
 
 class Listener(Protocol):
@@ -129,14 +151,16 @@ class CanDrive:
         heartbeat_scans: int,
         listeners: Mapping[int, Listener] = _NO_LISTENERS,
         sensor_nodes: Iterable[int] = (),
+        *,
+        most_frames: int = FRAMES_PER_POLL,
     ) -> None:
         """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats.
 
         Emergencies of the drive that came while the bench was set up count from the first scan on.
         `listeners`: who takes the frames of other nodes, by their identifiers. `sensor_nodes`: the sensors that have a
-        node id, which nobody else may write to.
+        node id, which nobody else may write to. `most_frames`: that a scan takes, as `frames_per_poll` has it.
         """
-        self._listeners = dict(listeners)
+        self._most_frames, self._listeners = most_frames, dict(listeners)
         self.link = link
         self.units = drive_units(config)
         self.homes = bool(config.profile.homing_method)
@@ -195,7 +219,7 @@ class CanDrive:
             self._emcy_withdrawn = False
             self.emcy_code = 0
         link, receivers, numbers = self.link, self._receivers, self._numbers
-        frames = link.take(FRAMES_AFTER_GAP if missed_periods else FRAMES_PER_POLL)
+        frames = link.take(self._most_frames * (POLLS_AFTER_GAP if missed_periods else 1))
         for cob_id, data in frames:
             receiver = receivers.get(cob_id)
             if receiver is None:

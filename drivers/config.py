@@ -201,3 +201,9 @@ class WireBenchConfig:
     can_sensors: tuple[CanSensorConfig, ...] = ()
     modbus_devices: tuple[str, ...] = ("amplifier", "brake", "remote_io")
     """Names of the Modbus devices in the order of the bench file, in which a virtual bench counts their answers."""
+
+    @property
+    def modbus(self) -> tuple[ModbusConfig, ...]:
+        """All Modbus devices; one that measures is there once for each of its blocks."""
+        parts = (*(one.modbus for one in self.measuring), self.amplifier, self.brake, self.remote_io)
+        return tuple(one for one in parts if one is not None)

@@ -25,7 +25,7 @@ from drivers.modbus.line import ModbusLine
 from drivers.modbus.part_fields import check_parts, source_problems
 from drivers.pace import Pace
 from drivers.sample import ComposedSample
-from drivers.servo_drive.drive import CanDrive, Listener
+from drivers.servo_drive.drive import CanDrive, Listener, frames_per_poll
 from drivers.servo_drive.objects import output_brake_problems
 from drivers.servo_drive.output_brake import OutputBrake, read_outputs
 from drivers.servo_drive.pdo import HEARTBEAT_BASE, NMT_COB_ID
@@ -195,7 +195,8 @@ class WireBench:
         listeners: dict[int, Listener] = {frame.identifier: frame for _, frame in self._can_frames}
         listeners |= {identifier: node for identifier, (_, node) in self._can_nodes.items()}
         nodes = [sensor.node_id for sensor in self.config.can_sensors if sensor.node_id is not None]
-        self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners, nodes)
+        most_frames = frames_per_poll(self.config.period_ns, self.config.can.bitrate)
+        self._drive = CanDrive(link, self.config.drive, heartbeat_scans, listeners, nodes, most_frames=most_frames)
         if self.output_brake is not None:
             self.output_brake.opened(self._drive, outputs)
         self._image.opened()

@@ -11,16 +11,18 @@ from __future__ import annotations
 import contextlib
 import logging
 import socket
+from collections import deque
 from collections.abc import Sequence
 
 import can
 
 from drivers.can.serial_bus import ScanSlcanBus
 from drivers.can.socketcand_bus import SocketcandBus, open_socketcand
-from drivers.can.wires import Frame, PeerClosedError, PythonCanWire, SocketcanWire, Wire, message_of
+from drivers.can.wires import Frame, PeerClosedError, PythonCanWire, SocketcanWire, Wire, frame_of, message_of
 from drivers.config import CanConfig
 from drivers.errors import BusError, Problem
 from drivers.pace import LONGEST_WAIT_S, readable
+from drivers.servo_drive.pdo import EMCY_BASE
 
 MANY = 1000
 """More frames than a scan leaves."""
@@ -28,6 +30,10 @@ MANY = 1000
 SETTLE_S = 0.02
 """Silence after which nothing is on its way any more from a bench that waits."""
 
+EMERGENCIES_KEPT = 32
+"""Newest emergency messages of a node that are kept before the scan."""
+
+_LARGEST_NODE_ID = 127
 _STREAM_INTERFACES = frozenset({"socketcand", "slcan"})
 """A send that failed half-way leaves these without frame boundaries: nothing more can be sent."""
 
@@ -56,6 +62,9 @@ class CanLink:
         self.frames_received = 0
         self.frames_due = 0
         """Frames that a bench which waits for the scan says it has sent: they are on their way at least."""
+        self.early: dict[int, deque[bytes]] = {}
+        """Emergency messages that came while nodes were set up, by their identifiers, for who takes them in the scan.
+        """
         self._sendable = True
         self._receivable = True
         self._stream = config.interface in _STREAM_INTERFACES
@@ -98,6 +107,12 @@ class CanLink:
         """Take the next frame that has already arrived, or None."""
         frames = self.take(1)
         return message_of(frames[0]) if frames else None
+
+    def keep_emergency(self, message: can.Message) -> None:
+        """Keep a message that came before the scan if it is an emergency message: its node says it only once."""
+        cob_id, data = frame_of(message)
+        if EMCY_BASE < cob_id <= EMCY_BASE + _LARGEST_NODE_ID:
+            self.early.setdefault(cob_id, deque(maxlen=EMERGENCIES_KEPT)).append(data)
 
     def count_from_now(self) -> None:
         """Take and forget what is on its way, until nothing comes any more, and count frames from here (blocking)."""

@@ -108,7 +108,9 @@ def start_sensors(link: CanLink, sensors: Sequence[CanSensorConfig], log: list[s
         message = link.receive()
         if message is None:
             time.sleep(1e-3)
-        elif message.arbitration_id in missing and not (message.is_error_frame or message.is_extended_id):
+            continue
+        link.keep_emergency(message)
+        if message.arbitration_id in missing and not (message.is_error_frame or message.is_extended_id):
             sensor, frame = missing.pop(message.arbitration_id)
             where = f"{sensor.where}, identifier 0x{frame.identifier:03X}"
             if len(message.data) == frame.size:

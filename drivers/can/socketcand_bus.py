@@ -23,7 +23,7 @@ from drivers.config import CanConfig
 from drivers.pace import readable
 
 PIECE = 32 * 1024
-"""Bytes that are received at once: more frames than a scan takes, after missed periods as well."""
+"""Bytes that are received at once: at a period of 1 ms more frames than a scan takes, after missed periods as well."""
 
 CHECK_SERVER = "check that host and port are those of the server"
 

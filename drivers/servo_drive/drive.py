@@ -35,10 +35,22 @@ from drivers.servo_drive.pdo import (
 from drivers.servo_drive.units import drive_units
 
 FRAMES_PER_POLL = 64
-"""A babbling bus must not hold a scan; what is left is drained in the next one, and data count as old until then."""
+"""Frames that a scan takes at least, where so many have come; see `frames_per_poll`."""
 
-FRAMES_AFTER_GAP = 512
+MOST_FRAMES_PER_POLL = 1024
+"""Frames that a scan takes at most, whatever period and bus: more than any CAN bus delivers in 20 ms."""
+
+BUSES_PER_POLL = 2
+"""How many full buses a scan keeps up with, so that a queue that has formed becomes shorter."""
+
+SHORTEST_FRAME_BITS = 47
+"""Bits on the bus of a frame without data and stuffed bits, with the gap behind it (ISO 11898-1)."""
+
+POLLS_AFTER_GAP = 8
 """After missed periods the queue is long and the scan is late anyway: drain to the newest frames at once."""
+
+FRAMES_AFTER_GAP = POLLS_AFTER_GAP * FRAMES_PER_POLL
+"""Frames that a scan after missed periods takes at least, where so many have come."""
 
 VELOCITY_SCANS_AFTER_CSV = 10
 """Zero velocity is sent this long after the velocity mode was left, so that no old set-point waits in the drive."""
@@ -68,9 +80,20 @@ SCAN_VALUES = (
 _DISABLE_VOLTAGE, _FAULT_RESET = DriveCommand.DISABLE_VOLTAGE, DriveCommand.FAULT_RESET
 _START_HOMING, _ENABLE_OPERATION = DriveCommand.START_HOMING, DriveCommand.ENABLE_OPERATION
 _VELOCITY, _TORQUE, _HOMING = DriveMode.CYCLIC_SYNC_VELOCITY, DriveMode.CYCLIC_SYNC_TORQUE, DriveMode.HOMING
+_BEFORE_THE_SCAN = -1
 _SCAN_OF = attrgetter("scan")
 _EMCY_BYTES = 8
 _FAULTED = frozenset({DriveState.FAULT, DriveState.FAULT_REACTION_ACTIVE})
+
+
+def frames_per_poll(period_ns: int, bitrate: int) -> int:
+    """Return how many frames a scan takes at most: `BUSES_PER_POLL` times what a full bus delivers in a period.
+
+    A babbling bus must not hold a scan. What is left is drained in the next one, and data count as old until then; so
+    no bus that works may deliver more than this for long. `bitrate`: of the bus [bit/s].
+    """
+    full = period_ns * 1e-9 * bitrate / SHORTEST_FRAME_BITS
+    return min(max(FRAMES_PER_POLL, ceil(BUSES_PER_POLL * full)), MOST_FRAMES_PER_POLL)
 
 
 class Listener(Protocol):
@@ -128,13 +151,16 @@ class CanDrive:
         heartbeat_scans: int,
         listeners: Mapping[int, Listener] = _NO_LISTENERS,
         sensor_nodes: Iterable[int] = (),
+        *,
+        most_frames: int = FRAMES_PER_POLL,
     ) -> None:
         """Prepare every frame and table; `heartbeat_scans`: scans between two of our heartbeats.
 
+        Emergencies of the drive that came while the bench was set up count from the first scan on.
         `listeners`: who takes the frames of other nodes, by their identifiers. `sensor_nodes`: the sensors that have a
-        node id, which nobody else may write to.
+        node id, which nobody else may write to. `most_frames`: that a scan takes, as `frames_per_poll` has it.
         """
-        self._listeners = dict(listeners)
+        self._most_frames, self._listeners = most_frames, dict(listeners)
         self.link = link
         self.units = drive_units(config)
         self.homes = bool(config.profile.homing_method)
@@ -147,17 +173,16 @@ class CanDrive:
         self.nmt_state = int(NmtState.NEVER_HEARD)
         self.emcy_code = 0
         self.emergencies: deque[Emergency] = deque(maxlen=32)
-        self.frames_malformed = 0
-        self.frames_foreign = 0
+        self.frames_malformed = self.frames_foreign = 0
         self._ours = OurFrames(config, sensor_nodes)
         self._other_until_scan = -1
         self._other_heard_for_scans = ceil(OTHER_HEARD_FOR_S * heartbeat_scans / config.controller_heartbeat_s)
         self.setpoints_clamped = 0
         self.setpoint_is_clamped = False
         self._polls_with_frames_left = 0
-        self._emcy_withdrawn = False
-        self._reset_asked = False
-        self._heartbeat_scan = -1
+        self._emcy_withdrawn = self._reset_asked = False
+        self._emcy_scan = self._heartbeat_scan = -1
+        """Scans in which the last emergency with a code came, and the last heartbeat."""
         self._heartbeat_sent_scan = -heartbeat_scans
         self._heartbeat_scans = heartbeat_scans
         self._velocity_scans_left = 0
@@ -183,6 +208,8 @@ class CanDrive:
         self._senders = tuple(_Sender(pdo, config.node_id, names) for pdo in config.profile.receive_pdos)
         self._heartbeat_cob_id = HEARTBEAT_BASE + config.node_id
         self._emcy_cob_id = EMCY_BASE + config.node_id
+        for data in link.early.pop(self._emcy_cob_id, ()):
+            self._take_emergency(data, _BEFORE_THE_SCAN)
         self._sync: Frame = (SYNC_COB_ID, b"")
         self._heartbeat: Frame = (HEARTBEAT_BASE + config.controller_node_id, bytes((NmtState.OPERATIONAL,)))
 
@@ -192,7 +219,7 @@ class CanDrive:
             self._emcy_withdrawn = False
             self.emcy_code = 0
         link, receivers, numbers = self.link, self._receivers, self._numbers
-        frames = link.take(FRAMES_AFTER_GAP if missed_periods else FRAMES_PER_POLL)
+        frames = link.take(self._most_frames * (POLLS_AFTER_GAP if missed_periods else 1))
         for cob_id, data in frames:
             receiver = receivers.get(cob_id)
             if receiver is None:
@@ -206,7 +233,7 @@ class CanDrive:
             self._process_data_scan = min(map(_SCAN_OF, self._all_receivers))
         self._polls_with_frames_left = self._polls_with_frames_left + 1 if link.frames_wait else 0
         if self._reset_asked and self.age_scans(scan) == 0:
-            self._after_reset()
+            self._after_reset(scan)
 
     def _take_other(self, cob_id: int, data: bytes, scan: int) -> None:
         """Take a frame that is no process data."""
@@ -235,9 +262,11 @@ class CanDrive:
         self._numbers[self._emcy_register] = data[2]
         self.emergencies.append(Emergency(scan, code, data[2], data[3:]))
         if code:
-            self.emcy_code = code
+            self.emcy_code, self._emcy_scan = code, scan
             self._emcy_withdrawn = False
-        elif self.emergencies_in(scan):
+        elif data[2]:  # one of several errors is gone; the register says that others remain (CiA 301, 7.2.7.1)
+            self._emcy_withdrawn = False
+        elif self._emcy_scan == scan:
             self._emcy_withdrawn = True
         else:
             self.emcy_code = 0
@@ -249,15 +278,13 @@ class CanDrive:
         """
         return scan <= self._other_until_scan
 
-    def emergencies_in(self, scan: int) -> int:
-        """Count the emergencies with a code that came in scan number `scan`."""
-        return sum(1 for emergency in self.emergencies if emergency.scan == scan and emergency.code)
-
-    def _after_reset(self) -> None:
-        # Some drives never send the "error reset" message: leaving the fault state after our reset says the same.
+    def _after_reset(self, scan: int) -> None:
+        # Some drives never send the "error reset" message: leaving the fault state after our reset says the same of
+        # what was told before. An emergency of this very scan is a new one.
         if decode_state(self.value("statusword")) not in _FAULTED:
             self._reset_asked = False
-            self.emcy_code = 0
+            if self._emcy_scan != scan:
+                self.emcy_code = 0
 
     def value(self, name: str) -> int:
         """Return the last received number of a mapped object; 0 before the first and for an unmapped one.

@@ -20,7 +20,7 @@ from canopen.sdo.exceptions import SdoAbortedError, SdoCommunicationError
 
 from definitions.number_formats import SIZES
 from drivers.can.bus import CanLink
-from drivers.servo_drive.pdo import HEARTBEAT_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE
+from drivers.servo_drive.pdo import EMCY_BASE, HEARTBEAT_BASE, SDO_ANSWER_BASE, SDO_REQUEST_BASE
 
 _T = TypeVar("_T")
 
@@ -156,7 +156,7 @@ class SdoNode:
         logging.getLogger("canopen").setLevel(logging.CRITICAL)  # its errors come back to the caller as well
         self.node_id = node_id
         self.heard: list[int] = []
-        self._bus = link.bus
+        self._link = link
         self._network = canopen.Network(link.bus)
         self._client = _PumpedSdoClient(node_id, self.pump, reply_timeout_s, tries)
         self._client.network = self._network
@@ -168,9 +168,10 @@ class SdoNode:
             self.heard.append(data[0] & 0x7F)
 
     def pump(self, timeout_s: float) -> None:
-        """Wait for one frame, at most `timeout_s`, and hand it to whom it concerns."""
-        message = self._bus.recv(timeout_s)
+        """Wait for one frame, at most `timeout_s`, and hand it to whom it concerns; emergencies wait for the scan."""
+        message = self._link.bus.recv(timeout_s)
         if message is not None and not message.is_error_frame and not message.is_remote_frame:
+            self._link.keep_emergency(message)
             self._network.notify(message.arbitration_id, message.data, message.timestamp)
 
     def command(self, nmt_command: int) -> None:
@@ -180,6 +181,10 @@ class SdoNode:
             self._network.send_message(0, bytes((nmt_command, self.node_id)))
         except (can.CanError, OSError) as error:
             raise _bus_failure(error) from error
+
+    def forget_emergencies(self) -> None:
+        """Forget the emergency messages that this node has sent until now."""
+        self._link.early.pop(EMCY_BASE + self.node_id, None)
 
     def wait_for(self, nmt_state: int, timeout_s: float) -> bool:
         """Wait until the node is heard in an NMT state; False after the time-out."""

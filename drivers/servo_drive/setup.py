@@ -117,6 +117,7 @@ class _Setup(ObjectSetup):
                 )
             )
             self.stop_on_problems()
+        node.forget_emergencies()
         node.command(NMT_ENTER_PRE_OPERATIONAL)
         deadline = time.monotonic() + wait_s
         while True:  # some drives say boot-up well before they answer

@@ -57,7 +57,7 @@ def serve(bench: Bench, profiles: Mapping[str, Path], scenario: Path, *, end_wit
     """
     config = gateway_config(bench, profiles, end_with_parent=end_with_parent)
     faults = load_scenario(scenario, vocabulary_on(bench, {name: FileAt(path) for name, path in profiles.items()}))
-    with alone_on(bench.bench.name, can_config(bench)):
+    with alone_on(bench.bench.name, can_config(bench), bench.modbus_devices.values()):
         uvloop.run(run_gateway(config, faults))
 
 

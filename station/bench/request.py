@@ -172,7 +172,7 @@ class Job:
 
     @property
     def no_automatic_run(self) -> str:
-        """Why no run may start by itself on this bench, with what to do; '' where one may.
+        """Why no run may start by itself on this bench and no jog may begin, with what to do; '' where they may.
 
         A drive that is not the virtual one has to have shown that it ends its torque when the program dies.
 

@@ -83,7 +83,7 @@ class OnWires:
 
         """
         try:
-            with alone_on(self.bench.bench.name, self.wires.can):
+            with alone_on(self.bench.bench.name, self.wires.can, self.wires.modbus):
                 yield
         except DriverError as error:
             raise BenchFaultError(str(error)) from error

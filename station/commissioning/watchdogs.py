@@ -24,7 +24,7 @@ from drivers.can.wires import Frame
 from drivers.config import DriveConfig
 from drivers.errors import DriverError, Problem
 from drivers.servo_drive.cia402 import decode_state
-from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.drive import CanDrive, frames_per_poll
 from drivers.servo_drive.emcy import explain_emcy
 from drivers.servo_drive.pdo import (
     EMCY_BASE,
@@ -187,7 +187,9 @@ def measure(link: CanLink, config: DriveConfig, period_ns: int, trial: Trial, un
     """
     set_up_drive(link, config, period_ns)
     gate = _Withholding(link, config)
-    drive = CanDrive(gate, config, in_scans(config.controller_heartbeat_s, period_ns))  # type: ignore[arg-type]
+    most_frames = frames_per_poll(period_ns, link.config.bitrate)
+    heartbeat_scans = in_scans(config.controller_heartbeat_s, period_ns)
+    drive = CanDrive(gate, config, heartbeat_scans, most_frames=most_frames)  # type: ignore[arg-type]
     scan = _Scan(drive, RealTimeSchedule(period_ns), unsafe)
     scan.schedule.start()
     try:

@@ -66,7 +66,7 @@ def scan(spec: ScanSpec, ring: RingWriter, stop: Stop) -> ScanReport:
     bench = WireBench(compiled.wires)
     with ExitStack() as cleanup:
         if compiled.alone:
-            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can))
+            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can, compiled.wires.modbus))
         verified = bench.open()
         cleanup.callback(bench.close)
         grants = realtime.request_all()

@@ -55,7 +55,7 @@ def measure(spec: TimingSpec, ring: RingWriter) -> Scanned:
     bench = WireBench(compiled.wires)
     with ExitStack() as cleanup:
         if compiled.alone:
-            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can))
+            cleanup.enter_context(alone_on(compiled.bench, compiled.wires.can, compiled.wires.modbus))
         bench.open()
         cleanup.callback(bench.close)
         grants = realtime.request_all()

@@ -11,7 +11,7 @@ from drivers_support import drive_config, drive_profile, raw_profile
 from definitions.image import DriveCommand, DriveMode, Orders
 from drivers.can.bus import CanLink, open_can
 from drivers.config import CanConfig
-from drivers.servo_drive.drive import CanDrive
+from drivers.servo_drive.drive import FRAMES_PER_POLL, CanDrive
 
 HEARTBEAT_SCANS = 20
 SENSOR_NODE = 10
@@ -23,12 +23,12 @@ CST, CSV = int(DriveMode.CYCLIC_SYNC_TORQUE), int(DriveMode.CYCLIC_SYNC_VELOCITY
 class DriveOnBus:
     """A drive on a virtual bus and the other end of the bus."""
 
-    def __init__(self, channel: str = "can-drive", **profile: Any) -> None:
+    def __init__(self, channel: str = "can-drive", most_frames: int = FRAMES_PER_POLL, **profile: Any) -> None:
         self.link: CanLink = open_can(CanConfig("virtual", channel))
         self.other = can.Bus(interface="virtual", channel=channel)
         raw = dict(raw_profile("virtual-drive")) | profile
         config = drive_config(profile=drive_profile(raw))
-        self.drive = CanDrive(self.link, config, HEARTBEAT_SCANS, sensor_nodes=(SENSOR_NODE,))
+        self.drive = CanDrive(self.link, config, HEARTBEAT_SCANS, sensor_nodes=(SENSOR_NODE,), most_frames=most_frames)
 
     def put(self, cob_id: int, data: bytes, **kind: bool) -> None:
         self.other.send(can.Message(arbitration_id=cob_id, data=data, **({"is_extended_id": False} | kind)))

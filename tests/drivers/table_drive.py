@@ -116,6 +116,17 @@ class TableDrive:
         self._network.subscribe(0x600 + NODE_ID, lambda *frame: asked.append(frame[0]))
         return asked
 
+    def tell_emergency(self, code: int, register: int = 1) -> None:
+        self._send(EMCY, struct.pack("<HB5s", code, register, b""))
+
+    def tell_emergency_when_written(self, index: int, code: int, register: int = 1) -> None:
+        def written(*, index: int, **_: Any) -> None:
+            if index == place:
+                self.tell_emergency(code, register)
+
+        place = index
+        self.node.add_write_callback(written)
+
     def fail(self) -> None:
         self.state = "fault"
 

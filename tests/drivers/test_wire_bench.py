@@ -8,6 +8,7 @@ import struct
 import time
 from collections.abc import Callable, Iterator
 
+import can
 import pytest
 from drivers_support import PERIOD_NS, drive_config, modbus_config, modbus_profile, raw_profile
 from durand_drive import DurandDrive
@@ -27,6 +28,7 @@ from definitions.image import (
 )
 from drivers.config import CanConfig, WireBenchConfig
 from drivers.errors import DriverError, ProfileError
+from drivers.servo_drive.drive import FRAMES_PER_POLL, frames_per_poll
 from drivers.wire_bench import WireBench, in_scans
 
 CHANNEL = "wire-bench"
@@ -113,6 +115,18 @@ def test_first_image_says_that_nothing_has_come(stand: Stand) -> None:
     assert image.drive_age_scans == image.sample_age_scans == image.brake_age_scans == image.io_age_scans == AGE_NEVER
     assert image.drive_state == DriveState.UNKNOWN, "no status word is not the status word 0"
     assert image.links_lost == 0
+
+
+def test_the_frames_that_a_scan_takes_follow_from_its_period(stand: Stand) -> None:
+    slow = dataclasses.replace(stand.config, period_ns=20_000_000)
+    stand.bench = WireBench(slow)
+    stand.bench.open()
+    most = frames_per_poll(slow.period_ns, slow.can.bitrate)
+    with can.Bus(interface="virtual", channel=CHANNEL) as other:
+        for _ in range(most + 100):
+            other.send(can.Message(arbitration_id=0x123, is_extended_id=False))
+    stand.bench.read(0, 0, Command.NONE)
+    assert FRAMES_PER_POLL < most - 20 <= stand.bench.drive.frames_foreign <= most
 
 
 def test_everything_arrives_in_the_image(running: Stand) -> None:

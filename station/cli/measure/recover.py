@@ -18,13 +18,14 @@ from pathlib import Path
 from typing import NoReturn
 
 from definitions.faults import FAULT_BY_NUMBER
+from definitions.protections import UNPROVEN
 from station.atomic_file import as_json
 from station.bench.files import load_named_bench
 from station.bench.request import Job, stored_job, stored_job_on
 from station.cli.measure.run import EXIT_BENCH
 from station.documents.entries import left_out, plain
 from station.documents.events import Alarm, LeftState
-from station.documents.manifest import LeftBy, Setup
+from station.documents.manifest import MANIFEST, LeftBy, Manifest, Setup
 from station.errors import BenchFaultError, RecordError, StationError
 from station.records.clocks import SCAN, VIRTUAL, WALL, clock_of
 from station.records.data_folder import Store, check_operator
@@ -43,7 +44,7 @@ from station.run.way_back.guide import Guide
 from station.run.way_back.how_left import HowLeft, how_left
 from station.run.way_back.left_by import left_by
 from station.run.way_back.recover import recover as conclude_deserted
-from station.run.way_back.recoveries import is_released, recoveries
+from station.run.way_back.recoveries import drive_is_unproven, is_released, recoveries
 from station.version import software
 
 ACKNOWLEDGED_BY = signal.SIGUSR1
@@ -119,8 +120,10 @@ def recover(
     job = stored_job(run) if bench is None else stored_job_on(run, bench)
     left = left_by(run, table, used)
     asked = _Signalled() if by_signal else _Said(_say_yes if yes else _typed)
-    record = _create(data, run, job, left, None if operator is None else check_operator(operator))
-    guide = Guide(job.program, say, asked.answer, asked.forget)
+    unproven = _is_unproven(manifest, job)
+    operator = None if operator is None else check_operator(operator)
+    record = _create(data, run, job, left, operator, notes=(UNPROVEN,) if unproven else ())
+    guide = Guide(job.program, say, asked.answer, asked.forget, unproven=unproven)
     with contextlib.closing(record.lock):
         try:
             outcome = Supervisor(
@@ -204,7 +207,23 @@ def _was_simulated(run: RunRecord, bench: str | None) -> bool:
     return False
 
 
-def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | None) -> RunRecord:
+def _is_unproven(manifest: Manifest, job: Job) -> bool:
+    """Tell whether nobody has measured that the drive of a bench ends its torque when this program dies.
+
+    Beside the copy of a bench file in a record lies no protocol of commissioning: there the run says how it was then.
+    """
+    path = job.bench_source.path
+    if path.name == BENCH_COPY and RunRecord(path.parent).has(MANIFEST):
+        return drive_is_unproven(manifest)
+    try:
+        return bool(job.no_automatic_run)
+    except RecordError:
+        return True  # a damaged protocol proves nothing, and must not keep the torque in the unit
+
+
+def _create(
+    data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | None, *, notes: tuple[str, ...]
+) -> RunRecord:
     of = run.manifest()
     setup = Setup(
         recipe=of.recipe,
@@ -217,6 +236,7 @@ def _create(data: Path, run: RunRecord, job: Job, left: LeftBy, operator: str | 
         bench=bench_source(job),
         recovery_of=run.id,
         left=left,
+        notes=notes,
     )
     files = {RECIPE_COPY: job.recipe_source.content, BENCH_COPY: job.bench_source.content}
     files |= {f"profiles/{source.path.name}": source.content for source in job.profile_sources.values()}

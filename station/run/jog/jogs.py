@@ -17,7 +17,9 @@ from recipes.compiler.jog import ENABLING_DEVICE, PERIOD_NS, compile_jog, jog_be
 from recipes.schema.bench_schema import Bench
 from station.atomic_file import read_file
 from station.bench.assemble import modbus_profile
+from station.bench.commissioned import watchdogs_measured
 from station.bench.request import Job
+from station.documents.commissioning import StepDone
 from station.documents.manifest import RECORDING
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -41,6 +43,11 @@ class JogJob(Job):
     def program(self) -> Program:
         """What the controller steps through: the state of a jog, and nothing of the recipe."""
         return compile_jog(self.whole, self.speed_rad_s)
+
+    @cached_property
+    def watchdogs(self) -> StepDone | None:
+        """As of any job: measured on the bench as its file has it, whose speed and torque are not those of a jog."""
+        return watchdogs_measured(self.bench_source.path, self.whole, self.profile_sources)
 
 
 def jog_job(job: Job, share: float) -> JogJob:
@@ -120,13 +127,23 @@ def find_record(data: Path, name: str) -> tuple[RunRecord, bool]:
 
 
 def why_no_jog(data: Path, job: Job) -> str:
-    """Return why no jog may begin now, with what to do; '' where one may."""
+    """Return why no jog may begin now, with what to do; '' where one may.
+
+    There are people at the shaft, so the drive has to have shown that it ends its torque when the program dies: what
+    keeps a run from starting by itself keeps a jog from beginning.
+
+    Raises:
+        StationError: a record or the protocol of the bench cannot be read.
+
+    """
     if jog_is_on(data):
         return "A jog is in progress. End it first."
     if any(_is_on(run) for run in Store(data).newest(NEWEST_LOOKED_AT)):
         return "A run is in progress. Wait for its end."
     if any(_is_on(one) for one in recoveries(data).newest(NEWEST_LOOKED_AT)):
         return "The recovery after a fault is in progress. Wait for its end."
+    if job.no_automatic_run:
+        return f"{job.no_automatic_run}."
     if job.bench.bench.embedded:
         return ""  # its virtual bench ended with the run before
     run = last_run_of(data, job)

@@ -22,6 +22,11 @@ from station.records.samples.scan_record import unpack
 
 QUESTION = "All checked? The torque is then brought to zero and the lock opened; the shaft turns. [y/N] "
 NOT_KNOWN = "NOT KNOWN: the device does not answer"
+UNPROVEN_DRIVE = (
+    "The watchdogs of this drive were not measured. If this program dies, the shaft may go on turning. Keep clear, "
+    "with a hand at the emergency stop."
+)
+"""What is said before the question where nobody knows that the drive ends its torque without this program."""
 MOST_TRIES = 3
 ANSWER_WITHIN_S = 3.0
 """A reset that was accepted leaves the fault within this time: a drive in fault is reset first."""
@@ -37,7 +42,10 @@ class Step(Enum):
 
 
 class Guide:
-    """One recovery. `answer` returns what a person said, None while nothing has come; `asks` is called before that."""
+    """One recovery. `answer` returns what a person said, None while nothing has come; `asks` is called before that.
+
+    `unproven`: nobody has measured that the drive ends its torque when this program dies; it is said with the question.
+    """
 
     def __init__(
         self,
@@ -45,7 +53,10 @@ class Guide:
         say: Callable[[str], None],
         answer: Callable[[], str | None],
         asks: Callable[[], None],
+        *,
+        unproven: bool = False,
     ) -> None:
+        self._unproven = unproven
         self._program, self._say, self._answer, self._asks = program, say, answer, asks
         self._step = Step.WAITING
         self._tries = 0
@@ -80,6 +91,8 @@ class Guide:
             self._leave(ring)
             return
         self._asks()
+        if self._unproven:
+            self._say(f"WARNING  {UNPROVEN_DRIVE}")
         self._say(QUESTION)
         self._step = Step.ASKING
 

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from definitions.protections import UNPROVEN
 from station.documents.events import LeftState
-from station.documents.manifest import RECORDING
+from station.documents.manifest import RECORDING, Manifest
 from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
@@ -31,6 +32,14 @@ def recoveries(data: Path) -> Store:
 def is_released(state: str, after: LeftState | None) -> bool:
     """Say whether a recovery has ended as it should: torque brought to zero, lock open."""
     return state == "stopped" and after is not None and after.lock == "open"
+
+
+def drive_is_unproven(run: Manifest) -> bool:
+    """Tell whether a run, or a recovery, says that nobody has measured that the drive of its bench ends its torque.
+
+    What a virtual drive does when the program dies is known from itself.
+    """
+    return run.unit.virtual is None and UNPROVEN in run.notes
 
 
 def newest_recovery(data: Path, run: RunRecord) -> RunRecord | None:

@@ -24,8 +24,9 @@ from station.own_program import own_module
 from station.records.data_folder import Store
 from station.records.run_record import BENCH_COPY, RESULT, RunRecord, only_simulated
 from station.run.way_back.begins_at import recovery_begins_at
+from station.run.way_back.guide import UNPROVEN_DRIVE
 from station.run.way_back.how_left import HowLeft, how_left
-from station.run.way_back.recoveries import FOLDER, is_released, newest_recovery
+from station.run.way_back.recoveries import FOLDER, drive_is_unproven, is_released, newest_recovery
 from station.web.bench.sight import Sight
 from station.web.running import RUNNING, Now, Running
 
@@ -50,13 +51,17 @@ class StepRow(NamedTuple):
 
 @dataclass(frozen=True)
 class Fault:
-    """What the recovery begins at: a run that left its bench in a fault, how it ended, and how it left the bench."""
+    """What the recovery begins at: a run that left its bench in a fault, how it ended, and how it left the bench.
+
+    unproven: nobody has measured that the drive ends its torque when the program dies.
+    """
 
     run: str
     bench: str
     state: str
     left: LeftState | None
     cause: str
+    unproven: bool = False
 
 
 @dataclass(frozen=True)
@@ -177,7 +182,8 @@ def _fault(run: RunRecord, manifest: Manifest) -> Fault:
     cause = "" if first is None else f"{first.text}. {first.next_action}."
     if first is not None and first.detail:
         cause += f" Servo drive: {first.detail}."
-    return Fault(run.id, manifest.bench.name, run.state(), None if result is None else result.left, cause)
+    left = None if result is None else result.left
+    return Fault(run.id, manifest.bench.name, run.state(), left, cause, drive_is_unproven(manifest))
 
 
 def steps(standing: Standing, sight: Sight | None) -> tuple[StepRow, ...]:
@@ -190,13 +196,15 @@ def steps(standing: Standing, sight: Sight | None) -> tuple[StepRow, ...]:
     opened = over or state == State.STOPPED
     in_the_way = _in_the_way(sight) if begun and sight is not None and state == State.FAULT else ()
     checked = DONE if acknowledged else TO_COME if not begun else IN_THE_WAY if in_the_way else IN_HAND
+    warned = UNPROVEN_DRIVE if standing.fault is not None and standing.fault.unproven and not acknowledged else ""
     seen = " ".join(in_the_way) or ("" if checked != IN_HAND else ALL_ANSWER)
     return (
         StepRow("Begin. The devices are read; the drive stays off and the lock stays as it is.",
                 DONE if begun or over else IN_HAND),
         StepRow("Make the bench safe, and remove the cause.", checked, seen),
         StepRow("Confirm that all is checked. Keep clear: the shaft turns.",
-                DONE if acknowledged else IN_HAND if begun and sight is not None and sight.settled else TO_COME),
+                DONE if acknowledged else IN_HAND if begun and sight is not None and sight.settled else TO_COME,
+                warned),
         StepRow("The torque is brought to zero behind the closed lock.",
                 DONE if unloaded else IN_HAND if loaded else TO_COME),
         StepRow(f"The lock opens{_below(sight)}.",

@@ -89,6 +89,15 @@ def link() -> Iterator[CanLink]:
     one.close()
 
 
+def test_an_emergency_of_another_node_waits_for_the_scan_while_a_sensor_is_set_up(
+    transducer: Transducer, link: CanLink
+) -> None:
+    emcy, warning = 0x085, b"\x10\x42\x09" + bytes(5)
+    transducer.network.send_message(emcy, warning)
+    assert start_sensors(link, [SENSOR], []) == []
+    assert list(link.early[emcy]) == [warning]
+
+
 def test_a_sensor_is_compared_set_up_started_and_each_object_is_told(transducer: Transducer, link: CanLink) -> None:
     outcomes = {one.place: one.outcome for one in compare_sensor(link, SENSOR)}
     assert outcomes == {

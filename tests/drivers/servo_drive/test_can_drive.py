@@ -136,11 +136,44 @@ def test_emergency_and_its_reset(bench: DriveOnBus) -> None:
 
 def test_an_emergency_withdrawn_in_the_same_scan_is_seen_once(bench: DriveOnBus) -> None:
     bench.put(EMCY, emergency(0x8611))
-    bench.put(EMCY, emergency(0))
+    bench.put(EMCY, emergency(0, 0))
     bench.drive.poll(1)
     assert bench.drive.emcy_code == 0x8611
     bench.drive.poll(2)
     assert bench.drive.emcy_code == 0
+
+
+def test_one_of_several_errors_gone_withdraws_nothing(bench: DriveOnBus) -> None:
+    for scan, (code, register) in enumerate([(0x4210, 0x09), (0x3210, 0x0D), (0, 0x09)]):
+        bench.put(EMCY, emergency(code, register))
+        bench.drive.poll(scan)
+    assert bench.drive.emcy_code == 0x3210
+    bench.drive.poll(3)
+    assert bench.drive.emcy_code == 0x3210
+    bench.put(EMCY, emergency(0, 0))
+    bench.drive.poll(4)
+    assert bench.drive.emcy_code == 0
+
+
+@pytest.mark.parametrize(
+    ("messages", "then"),
+    [
+        ([(0x4210, 0x09), (0, 0x08)], 0x4210),
+        ([(0x4210, 0x09), (0, 0x08), (0, 0)], 0),
+        ([(0x4210, 0x09), (0, 0), (0, 0x08)], 0x4210),
+        ([(0x4210, 0x09), (0, 0), (0x3210, 0x05), (0, 0x01)], 0x3210),
+        ([(0x4210, 0x09), *[(0, 0x08)] * 40, (0, 0)], 0),
+    ],
+    ids=["one gone", "all gone", "all gone, one left", "another one, one gone", "more than are kept"],
+)
+def test_several_emergencies_in_one_scan(bench: DriveOnBus, messages: list[tuple[int, int]], then: int) -> None:
+    for code, register in messages:
+        bench.put(EMCY, emergency(code, register))
+    last = [code for code, _ in messages if code][-1]
+    bench.drive.poll(1)
+    assert bench.drive.emcy_code == last, "seen for that scan at least"
+    bench.drive.poll(2)
+    assert bench.drive.emcy_code == then
 
 
 def test_a_drive_that_never_says_reset(bench: DriveOnBus) -> None:
@@ -155,6 +188,25 @@ def test_a_drive_that_never_says_reset(bench: DriveOnBus) -> None:
     bench.drive.poll(3)
     assert bench.drive.emcy_code == 0x7121
     bench.answer(0x0250)
+    bench.drive.poll(4)
+    assert bench.drive.emcy_code == 0
+
+
+@pytest.mark.parametrize("before_the_word", [True, False])
+def test_an_emergency_of_the_scan_in_which_the_fault_is_left_stays(bench: DriveOnBus, *, before_the_word: bool) -> None:
+    bench.put(EMCY, emergency(0x7121))
+    bench.answer(FAULT)
+    bench.drive.poll(1)
+    bench.drive.send(orders(command=DriveCommand.FAULT_RESET), 1)
+    if before_the_word:
+        bench.put(EMCY, emergency(0x4210))
+    bench.answer(0x0250)
+    if not before_the_word:
+        bench.put(EMCY, emergency(0x4210))
+    for scan in (2, 3):
+        bench.drive.poll(scan)
+        assert bench.drive.emcy_code == 0x4210
+    bench.put(EMCY, emergency(0, 0))
     bench.drive.poll(4)
     assert bench.drive.emcy_code == 0
 

@@ -8,7 +8,13 @@ import pytest
 from can_drive_support import EMCY, FAULT, HEARTBEAT, DriveOnBus, emergency, orders
 
 from definitions.image import DriveCommand
-from drivers.servo_drive.drive import FRAMES_AFTER_GAP, FRAMES_PER_POLL
+from drivers.servo_drive.drive import (
+    FRAMES_AFTER_GAP,
+    FRAMES_PER_POLL,
+    MOST_FRAMES_PER_POLL,
+    SHORTEST_FRAME_BITS,
+    frames_per_poll,
+)
 
 
 @pytest.fixture
@@ -68,6 +74,35 @@ def test_exactly_as_many_frames_as_a_poll_takes(bench: DriveOnBus, frames: int, 
         bench.answer()
     bench.drive.poll(5)
     assert bench.drive.age_scans(5) == age
+
+
+@pytest.mark.parametrize("bitrate", [125_000, 500_000, 1_000_000])
+@pytest.mark.parametrize("period_ns", [500_000, 1_000_000, 2_000_000, 5_000_000, 20_000_000])
+def test_a_scan_takes_more_than_a_full_bus_delivers_in_its_period(period_ns: int, bitrate: int) -> None:
+    most = frames_per_poll(period_ns, bitrate)
+    assert most >= 1.5 * period_ns * 1e-9 * bitrate / SHORTEST_FRAME_BITS
+    assert FRAMES_PER_POLL <= most <= MOST_FRAMES_PER_POLL
+
+
+def test_at_1_ms_a_scan_takes_what_it_always_took_and_a_longest_period_is_bounded() -> None:
+    assert frames_per_poll(1_000_000, 1_000_000) == FRAMES_PER_POLL == 64
+    assert FRAMES_AFTER_GAP == 512
+    assert frames_per_poll(1_000_000_000, 1_000_000) == MOST_FRAMES_PER_POLL
+
+
+def test_a_bus_with_half_load_leaves_no_backlog_at_20_ms_and_a_gap_is_drained() -> None:
+    half = 20_000_000 * 1e-9 * 1_000_000 / SHORTEST_FRAME_BITS / 2
+    bench = DriveOnBus("at 20 ms", frames_per_poll(20_000_000, 1_000_000))
+    for scan, periods in ((1, 1), (2, 1), (6, 4), (7, 1)):
+        for _ in range(periods):
+            for _ in range(round(half)):
+                bench.put(0x123, b"")
+            bench.answer(torque=scan)
+            bench.put(HEARTBEAT, b"\x05")
+        bench.drive.poll(scan, missed_periods=periods - 1)
+        assert (bench.drive.age_scans(scan), bench.drive.heartbeat_age_scans(scan)) == (0, 0)
+        assert bench.drive.value("actual_torque") == scan
+    bench.close()
 
 
 def test_an_old_status_word_does_not_end_a_reset(bench: DriveOnBus) -> None:

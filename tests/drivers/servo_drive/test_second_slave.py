@@ -157,6 +157,30 @@ def test_sdo_answers_after_300_ms_are_waited_for_and_end_at_the_time_of_the_set_
         assert "takes too long" in problem.what
 
 
+def test_an_emergency_of_the_set_up_counts_from_the_first_scan(tmp_path: Path) -> None:
+    with on_the_bus(tmp_path, "nanotec-like") as (slave, link, config):
+        slave.tell_emergency(0x8130)  # before the restart of its communication: that is not from now
+        slave.tell_emergency_when_written(0x1017, 0x3210)
+        slave.tell_emergency_when_written(0x6072, 0x4210, 0x09)
+        set_up_drive(link, config, PERIOD_NS)
+        drive = CanDrive(link, config, 20)
+        drive.poll(0)
+        assert sorted(one.code for one in drive.emergencies) == [0x3210, 0x4210]
+        assert drive.emcy_code == drive.emergencies[-1].code
+        assert CanDrive(link, config, 20).emcy_code == 0, "they are told once"
+
+
+def test_an_emergency_that_the_set_up_itself_saw_gone_is_none_in_the_scan(tmp_path: Path) -> None:
+    with on_the_bus(tmp_path, "nanotec-like") as (slave, link, config):
+        slave.tell_emergency_when_written(0x6072, 0x4210, 0x09)
+        slave.tell_emergency_when_written(0x6072, 0, 0)
+        set_up_drive(link, config, PERIOD_NS)
+        drive = CanDrive(link, config, 20)
+        assert [one.code for one in drive.emergencies] == [0x4210, 0]
+        drive.poll(0)
+        assert drive.emcy_code == 0
+
+
 def test_foreign_traffic_and_a_storm_of_emergencies_keep_no_process_data_out(tmp_path: Path) -> None:
     noisy = Personality(foreign_frames=4, emcy_per_sync=4)
     with on_the_bus(tmp_path, "nanotec-like", noisy) as (_, link, config):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 from made_documents import result
@@ -12,14 +14,19 @@ from recipes import Bench
 from station.bench.commissioned import protocol_path, read_protocol, standings
 from station.bench.request import DRIVER_PROFILES, load_job
 from station.bench.virtual_unit import NOT_NAMED
+from station.cli.measure.jog import jog
 from station.commissioning.on_wires import OnWires, on_wires
 from station.commissioning.steps_done import how_it_stands, may_begin, write_down
 from station.documents.commissioning import Figure, Finding
 from station.errors import RecordError, StationError
 from station.reports.headline import manifest_badges
 from station.reports.result_notes import note_lines
+from station.run.jog.jogs import jog_job, why_no_jog
 from station.run.new_record import Wanted, new_record
 from station.store.retention import class_of
+from station.web.actions.jog import begin_jog
+from station.web.actions.row import Call, NotNowError
+from station.web.actions.values import NewJog
 
 WRONG = Finding(what="The contact is inverted.", cure="Use the other contact.")
 
@@ -158,6 +165,31 @@ def test_no_run_starts_by_itself_on_a_real_drive_whose_watchdogs_nobody_has_meas
     assert why(), "it was measured, and has not passed"
     write_down(bench, "watchdogs", None, (), ())
     assert not why()
+    change(real_bench, "abort_connection_option: 3", "abort_connection_option: 2")
+    assert why(), "another reaction was measured"
+
+
+def test_no_jog_begins_on_a_real_drive_whose_watchdogs_nobody_has_measured(real_bench: Path, tmp_path: Path) -> None:
+    data = tmp_path / "runs"
+    data.mkdir()
+
+    def why() -> str:
+        return why_no_jog(data, jog_job(load_job("rv-40e-121-quick", str(real_bench)), 1.0))
+
+    assert why() == f"{load_job('rv-40e-121-quick', str(real_bench)).no_automatic_run}."
+    with pytest.raises(StationError, match="not measured on this bench"):
+        jog("rv-40e-121-quick", str(real_bench), data, speed=1.0, operator=None, unit=None, by_lines=True)
+    model = SimpleNamespace(model="M", recipe="rv-40e-121-quick", bench=str(real_bench), unit="")
+    station = SimpleNamespace(
+        data=data,
+        models=SimpleNamespace(models=[model]),
+        running=SimpleNamespace(busy=lambda: False),
+        jogging=SimpleNamespace(standing=lambda: SimpleNamespace(on=False), start=lambda *_: pytest.fail("it began")),
+    )
+    with pytest.raises(NotNowError, match="not measured on this bench"):
+        begin_jog(cast("Call", SimpleNamespace(station=station)), NewJog(model="M", speed=1.0))
+    write_down(on_wires(str(real_bench)), "watchdogs", None, (), ())
+    assert not why(), "measured with the speed and torque of the bench file, which are not those of a jog"
     change(real_bench, "abort_connection_option: 3", "abort_connection_option: 2")
     assert why(), "another reaction was measured"
 

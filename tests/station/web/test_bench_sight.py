@@ -19,6 +19,7 @@ from definitions.program import Program
 from station.bench.request import load_job
 from station.records.data_folder import Store
 from station.records.samples.scan_record import pack
+from station.run.way_back.guide import UNPROVEN_DRIVE
 from station.web.bench.changes import IN_PROGRESS, RunFacts, changes_between, since_it_worked
 from station.web.bench.due import due_on
 from station.web.bench.sight import DEVICES, Sight, device_of, sight_of
@@ -119,6 +120,16 @@ def test_the_way_back_is_told_step_by_step(program: Program, name: str) -> None:
     standing, at, image, expected = WAYS[name]
     sight = None if at is None else seen(program, NO_ORDERS._replace(state=at[0], phase=at[1]), **image)
     assert [row.standing for row in steps(standing, sight)] == expected
+
+
+@pytest.mark.parametrize("name", WAYS)
+def test_a_drive_that_nobody_has_measured_is_told_with_the_question(program: Program, name: str) -> None:
+    standing, at, image, expected = WAYS[name]
+    sight = None if at is None else seen(program, NO_ORDERS._replace(state=at[0], phase=at[1]), **image)
+    unproven = dataclasses.replace(standing, fault=dataclasses.replace(standing.fault, unproven=True))
+    question = steps(unproven, sight)[2]
+    assert (question.seen == UNPROVEN_DRIVE) == (expected[2] != DONE)
+    assert not steps(standing, sight)[2].seen
 
 
 FACTS = RunFacts(

@@ -105,8 +105,8 @@ def test_the_recovery_after_a_fault(say: Asked, program: Program) -> None:
         orders = NO_ORDERS._replace(state=state, phase=settled)
         image = FRESH._replace(estop_released=safe, guard_closed=safe, drive_age_scans=0 if safe else 10_000)
         sight = sight_of(pack((0, 0, 0, 0), image, orders), program)
-        for one in (sight, None):
-            rows = steps(Standing(fault, recovery="R" if one else ""), one)
+        for one, unproven in itertools.product((sight, None), (False, True)):
+            rows = steps(Standing(replace(fault, unproven=unproven), recovery="R" if one else ""), one)
             parts.steps(rows, MARKS, say, say.sentences)
     left = LeftState(torque_nm=12.0, torque_known=True, lock="closed", lock_known=True, drive="on", drive_known=True,
                      release_torque_nm=4.0)  # fmt: skip

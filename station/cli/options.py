@@ -9,8 +9,9 @@ import typer
 
 from definitions.number_formats import LARGEST
 from station.errors import StationError
+from station.records import to_paste
 
-DEFAULT_DATA = Path("runs")
+DEFAULT_DATA = to_paste.DEFAULT_DATA
 
 
 def data_folder(text: str | Path) -> Path:

@@ -1,20 +1,18 @@
-"""Options of a recipe changed in its text: everything else stays as it was written, comments and order too."""
+"""Options of a recipe changed in its text: all else stays as it was written, comments, order and line ends too."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Sequence
+import json
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
-
-from ruamel.yaml import YAML
-from ruamel.yaml.error import YAMLError
 
 from definitions.metrics import METRICS
 from recipes.schema.sequence_schema import STAGES
 from recipes.text.problems import OptionPath, RecipeError, Source, dotted, excerpt
+from recipes.text.splice import spliced
 from recipes.text.yaml_source import parse_source
 
-NO_WRAPPING = 1 << 20
+BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 LIMITS = ("min", "max")
 LOAD_STAGES = range(STAGES["calibrate"], STAGES["unload"] + 1)
 
@@ -72,34 +70,64 @@ def changed(content: bytes, option: OptionPath, value: str) -> bytes:
 
 
 def all_changed(content: bytes, changes: Sequence[tuple[OptionPath, str]]) -> bytes:
-    """Return the text of a recipe with other values of options, read and written once; '' takes an option out.
+    """Return the text of a recipe with other values of options, one after the other; '' takes an option out.
 
     Raises:
-        RecipeError: the text is no YAML, has no section of an option, or a value is none.
+        RecipeError: the text is no YAML or has a name twice, has no section of an option, a value is none, or the text
+            is so written that the option cannot be changed alone.
 
     """
-    source = parse_source(content, "recipe")
-    if not source.complete:
-        raise RecipeError(source.problems)
-    yaml, whole = _round_trip(content)
+    mark = BYTE_ORDER_MARK if content.startswith(BYTE_ORDER_MARK) else b""
     for option, value in changes:
-        _change(whole, source, option, value.strip())
-    out = io.StringIO()
-    yaml.dump(whole, out)
-    return out.getvalue().encode()
+        content = _changed(content, option, value.strip())
+    return mark + content.removeprefix(mark)
 
 
-def _change(whole: Any, source: Source, option: OptionPath, value: str) -> None:
-    section = whole
+def _changed(content: bytes, option: OptionPath, value: str) -> bytes:
+    source = parse_source(content, "recipe")
+    if source.problems:  # of a name that is there twice, nobody can say which one is meant
+        raise RecipeError(source.problems)
+    wanted = _copy(source.data)
+    section, name = wanted, option[-1]
     for part in option[:-1]:
         section = section[part] if _has(section, part) else None
     if not isinstance(section, dict):
         raise RecipeError([source.problem(option, f"no {dotted(option[:-1])}", "a section with this option")])
-    name = option[-1]
+    if value and value == _written(section.get(name)):
+        return content
     if value:
         section[name] = _read(source, option, value)
     else:
         section.pop(name, None)
+    for writing in _writings(section.get(name), value):
+        text = spliced(content.decode("utf-8-sig"), option, writing)
+        if text is not None and _says(text.encode(), wanted):
+            return text.encode()
+    found = "a text in which this option cannot be changed without its surroundings"
+    raise RecipeError([source.problem(option, found, "a change of the text by hand", "Change it in the text.")])
+
+
+def _writings(value: Any, text: str) -> Iterator[str]:
+    """Yield how a value can be written, the plainest first; `text` is what somebody has typed."""
+    if not isinstance(value, str):
+        yield text.partition(" #")[0].strip()
+        return
+    yield value
+    yield json.dumps(value, ensure_ascii=False)
+
+
+def _says(content: bytes, wanted: Any) -> bool:
+    try:
+        source = parse_source(content, "recipe")
+    except RecipeError:
+        return False
+    return not source.problems and repr(source.data) == repr(wanted)  # 1 is not 1.0 here, and order counts
+
+
+def _copy(data: Any) -> Any:
+    if isinstance(data, dict):
+        return {name: _copy(value) for name, value in data.items()}
+    return [_copy(value) for value in data] if isinstance(data, list) else data
 
 
 def _has(section: Any, part: str | int) -> bool:
@@ -108,22 +136,11 @@ def _has(section: Any, part: str | int) -> bool:
     return isinstance(section, dict) and part in section
 
 
-def _round_trip(content: bytes) -> tuple[YAML, Any]:
-    """Return a reader that writes as it has read, and what it has read."""
-    yaml = YAML()
-    yaml.preserve_quotes = True
-    yaml.width = NO_WRAPPING
-    text = content.decode("utf-8-sig")
-    indented = any(line.startswith((" ", "\t")) and line.lstrip().startswith("- ") for line in text.splitlines())
-    yaml.indent(mapping=2, sequence=4 if indented else 2, offset=2 if indented else 0)
-    return yaml, yaml.load(text)
-
-
 def _read(source: Source, option: OptionPath, text: str) -> Any:
     """Return a value as it stands in YAML: a number as a number, anything else as text."""
     try:
-        value = YAML().load(text)
-    except YAMLError:
+        value = parse_source(text.encode(), "value").data
+    except RecipeError:
         value = None
     if not isinstance(value, str | int | float) or "\n" in text:
         hint = "Write it as in '1 arcmin' or '110 %'."

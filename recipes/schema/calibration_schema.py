@@ -24,6 +24,7 @@ from recipes.text.section import (
     Stiffness,
     StiffnessAtInput,
     Text,
+    TorqueSpread,
     Travel,
     refusal,
 )
@@ -161,9 +162,9 @@ class QuadrantLine(Section):
     slope: Annotated[float, Field(gt=0, le=10000)]
     offset_nm: SignedTorque
     u_slope: Annotated[float, Field(ge=0, le=10000)] | None = None
-    u_offset_nm: SignedTorque | None = None
+    u_offset_nm: TorqueSpread | None = None
     correlation: Annotated[float, Field(ge=-1, le=1)] | None = None
-    residual_sd_nm: SignedTorque | None = None
+    residual_sd_nm: TorqueSpread | None = None
 
 
 class UnitLine(Section):

@@ -177,6 +177,8 @@ REFERENCE = "reference_torque_nm"
 
 Torque = Annotated[float, Quantity(TORQUE, above=0, up_to=20000)]
 SignedTorque = Annotated[float, Quantity(TORQUE, at_least=-20000, up_to=20000)]
+TorqueSpread = Annotated[float, Quantity(TORQUE, at_least=0, up_to=20000)]
+"""A standard deviation or a standard uncertainty of a torque."""
 TorqueOfRated = Annotated[float, Quantity(TORQUE, above=0, up_to=20000, percent_of=RATED)]
 TorqueOfReference = Annotated[float, Quantity(TORQUE, above=0, up_to=20000, percent_of=REFERENCE)]
 TorqueRate = Annotated[float, Quantity(TORQUE_RATE, above=0, up_to=1000)]

@@ -7,7 +7,6 @@ found. `yes` and `on` are texts, `true` is not.
 
 from __future__ import annotations
 
-import re
 import warnings
 from dataclasses import replace
 from functools import lru_cache
@@ -28,6 +27,7 @@ from ruamel.yaml.events import (
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.reader import ReaderError
 
+from recipes.text.misleading import misleading_sign
 from recipes.text.problems import Mark, OptionPath, Problem, RecipeError, Source, dotted, excerpt
 from recipes.text.regular_file import open_regular
 
@@ -58,10 +58,6 @@ YAML_HINTS = (
     ("that cannot start any token", "Put a text that begins with this character in quotes."),
 )
 """Part of the parser's message, and what to do about it."""
-
-
-DIRECTION = re.compile("[\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
-"""Characters that make a text look other than it is, comments included: nobody can check such a file by reading it."""
 
 
 def read_source(path: str | Path) -> Source:
@@ -112,10 +108,9 @@ def _parsed(raw: bytes, path: str) -> Source:
         found = f"more than {LARGEST_FILE // 1024} kB"
         raise _whole_file(path, found, f"at most {LARGEST_FILE // 1024} kB", "Is this the right file?")
     text = _decoded(raw, path)
-    if turned := DIRECTION.search(text):
-        line, column = _line_and_column(text[: turned.start()])
-        found = f"the character U+{ord(turned[0]):04X}, which turns the direction of writing"
-        raise RecipeError([Problem(path, line, column, "", found, "text without such characters", "Delete it.")])
+    if sign := misleading_sign(text):
+        line, column = _line_and_column(text[: sign.at])
+        raise RecipeError([Problem(path, line, column, "", sign.found, sign.allowed, sign.hint)])
     reader = _Reader(text, path)
     try:
         with warnings.catch_warnings():

@@ -8,8 +8,25 @@ from typing import Annotated
 import typer
 
 from definitions.number_formats import LARGEST
+from station.errors import StationError
+from station.records import to_paste
 
-DEFAULT_DATA = Path("runs")
+DEFAULT_DATA = to_paste.DEFAULT_DATA
+
+
+def data_folder(text: str | Path) -> Path:
+    """Return the folder that `--data` names.
+
+    Raises:
+        StationError: nothing is named, as by a shell variable that is not set: as a path that is the working folder.
+
+    """
+    if not str(text).strip():
+        raise StationError(
+            "--data is empty, which would be the folder that you are in; name a folder, or '.' for this one"
+        )
+    return Path(text)
+
 
 RecipeArgument = Annotated[str, typer.Argument(metavar="RECIPE", help="Recipe file, or the name of a shipped recipe.")]
 RunArgument = Annotated[
@@ -22,7 +39,9 @@ TableArgument = Annotated[
     typer.Argument(metavar="[FILE]", help="CSV file. Default: a published table that comes with the program."),
 ]
 
-DataOption = Annotated[Path, typer.Option("--data", metavar="DIR", help="Folder that holds the runs.")]
+DataOption = Annotated[
+    Path, typer.Option("--data", metavar="DIR", parser=data_folder, help="Folder that holds the runs.")
+]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print one JSON object on standard output and nothing else.")]
 BenchOption = Annotated[
     str | None,

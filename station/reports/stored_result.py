@@ -16,6 +16,7 @@ from station.records.run_record import INTERRUPTED, NOT_CONCLUDED, RECORDING, RE
 from station.records.run_ring import records_waiting
 from station.records.samples.samples import check_samples
 from station.records.seal import alterations, is_sealed
+from station.records.to_paste import to_its_result, to_paste
 from station.reports.result_view import show_result
 
 SHAPELESS = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError, ConsoleError)
@@ -68,9 +69,7 @@ def refuse_doubtful(run: RunRecord) -> None:
     """
     manifest = run.manifest()
     if not is_sealed(manifest):
-        raise RecordError(
-            f"run {run.id} is not concluded yet, so there is no result. Run 'lostmotion conclude {run.id}'"
-        )
+        raise RecordError(f"run {run.id} is not concluded yet, so there is no result. Run '{to_its_result(run)}'")
     doubts = [*alterations(run), *check_samples(run, manifest.records).problems]
     if doubts:
         raise RecordError(
@@ -99,12 +98,11 @@ def _without_result(run: RunRecord, manifest: Manifest, state: str) -> Result:
     reasons = {
         RECORDING: f"still running (pid {pid})" if pid else "the run is still going on",
         INTERRUPTED: "the run was interrupted before it was evaluated; its samples are kept. "
-        f"'lostmotion conclude {run.id}' tries again",
-        NOT_CONCLUDED: f"still running (pid {pid}) without its supervisor process. "
-        f"Take it over: 'lostmotion resume {run.id}'"
+        f"'{to_paste('conclude', run.id, data=run.folder.parent)}' tries again",
+        NOT_CONCLUDED: f"still running (pid {pid}) without its supervisor process. Take it over: '{to_its_result(run)}'"
         if pid
         else f"not concluded: the supervisor process ended before the evaluation; {on_disk} scans on disk{rest}. "
-        f"Run 'lostmotion conclude {run.id}'",
+        f"Run '{to_its_result(run)}'",
     }
     why = [reasons.get(state, f"the run ended as {state} without a result"), manifest.trouble]
     return Result(

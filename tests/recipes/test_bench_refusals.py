@@ -98,6 +98,40 @@ def test_calibrations_that_cannot_be_told_apart_are_refused_by_their_names() -> 
     assert "calibrations[1].id: found 'a' of N, made 2026-02-01, and of M, made 2026-01-01" in name
 
 
+SPREADS = {
+    "u_offset": ("-1 N·m", "0 N·m", "from 0 up to 20000 N·m"),
+    "u_slope": ("-0.1", "0", "a number from 0"),
+    "residual_sd": ("-3 N·m", "0 N·m", "from 0 up to 20000 N·m"),
+}
+
+
+@pytest.mark.parametrize("option", SPREADS)
+def test_a_standard_deviation_or_uncertainty_below_zero_is_refused(option: str) -> None:
+    """Squared it made a line as sure as its size says."""
+    wrong, least, words = SPREADS[option]
+    text, line = calibrations(("a", "M", "2026-01-01")), "unload_negative: {slope: 94.7, "
+    (found,) = problems(text.replace(line, f"{line}{option}: {wrong}, "), parse_bench)
+    assert f"calibrations[0].unload_negative.{option}: found" in found
+    assert words in found
+    assert parse_bench(text.replace(line, f"{line}{option}: {least}, ").encode(), "b.yaml").calibrations
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("noise: 0.02 %", "noise: -0.02 %"),
+        ("noise: 0 arcsec", "noise: -1 arcsec"),
+        ("10000 N·m/arcmin ", "10000 N·m/arcmin\n  drift: -1 arcmin/min "),
+        ("10000 N·m/arcmin ", "10000 N·m/arcmin\n  lock_width: -1 arcsec "),
+        ("10000 N·m/arcmin ", "10000 N·m/arcmin\n  lock_windup: -1 % "),
+    ],
+)
+def test_no_noise_and_no_limit_of_an_error_is_below_zero(old: str, new: str) -> None:
+    assert old in BENCH
+    (found,) = problems(BENCH.replace(old, new, 1), parse_bench)
+    assert "from 0" in found
+
+
 @pytest.mark.parametrize("name", BENCH_CASES)
 def test_wrong_bench_files(name):
     old, new, words = BENCH_CASES[name]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from enum import StrEnum
 
 import pytest
@@ -358,3 +359,50 @@ def test_characters_that_turn_the_text_are_refused_wherever_they_stand(place: st
     (problem,) = refused.value.problems
     assert f"U+{ord(character):04X}" in problem.found
     assert problem.column > 1
+
+
+@pytest.mark.parametrize(
+    "place", ["a: 1\n# a comment{}max: 3\nname: a\n", "a: 1\nname: a{}b\n", "a: 1\nb: {{c: 1, #{}d: 2\n}}\n"]
+)
+@pytest.mark.parametrize("character", ["\u2028", "\u2029", "\x85", "\r"])
+def test_characters_that_end_a_line_for_the_parser_alone_are_refused_wherever_they_stand(
+    place: str, character: str
+) -> None:
+    with pytest.raises(RecipeError) as refused:
+        parse_source(place.format(character).encode(), "r.yaml")
+    (problem,) = refused.value.problems
+    assert f"U+{ord(character):04X}, which ends a line for some programs" in problem.found
+    assert (problem.line, problem.column) == (2, place.split("\n")[1].replace("{{", "{").index("{}") + 1)
+    assert "U+000A" in problem.allowed
+    assert "press Enter" in problem.hint
+
+
+@pytest.mark.parametrize("read", [parse_recipe, parse_bench])
+def test_a_comment_sets_no_limit_behind_the_sign_that_ends_it(read: Callable[[bytes, str], object]) -> None:
+    """For an editor the limit is a part of the comment, for YAML it is the limit."""
+    text = GOOD if read is parse_recipe else shipped_benches()["virtual"].read_text(encoding="utf-8")
+    first = text.index(": ") + 1
+    with pytest.raises(RecipeError, match=r"r\.yaml:\d+:\d+: found the character U\+2028"):
+        read((text[:first] + " # it was\u2028 " + text[first:]).encode(), "r.yaml")
+
+
+@pytest.mark.parametrize("character", ["\u200b", "\u200d", "\u2060", "\ufeff", "\xad", "\u180e"])
+def test_characters_that_no_editor_shows_are_refused_in_texts_and_comments(character: str) -> None:
+    """Behind them '#' begins no comment: the text below would have it in its value."""
+    for text in (f"a: 1\nname: b {character}# c\n", f"a: 1\nname: b # {character}c\n"):
+        with pytest.raises(RecipeError) as refused:
+            parse_source(text.encode(), "r.yaml")
+        (problem,) = refused.value.problems
+        assert f"U+{ord(character):04X}, which no editor shows" in problem.found
+        assert (problem.line, problem.column) == (2, text.split("\n")[1].index(character) + 1)
+
+
+@pytest.mark.parametrize("character", ["\x0b", "\x0c", "\x1c", "\x1d", "\x1e", "\x1f"])
+def test_the_other_line_ends_of_programs_are_refused_as_control_characters(character: str) -> None:
+    with pytest.raises(RecipeError, match=f"r.yaml:1:8: found the control character U\\+{ord(character):04X}"):
+        parse_source(f"a: 1 # {character}b: 2\n".encode(), "r.yaml")
+
+
+def test_line_ends_of_windows_wide_blanks_and_a_byte_order_mark_at_the_start_are_read() -> None:
+    text = "\ufeffa: 1  # a\u3000note\u00a0\r\nb: 5\u00a0N\r\n"
+    assert parse_source(text.encode(), "r.yaml").data == {"a": 1, "b": "5\u00a0N"}

@@ -9,11 +9,16 @@ from typing import Annotated
 
 import typer
 
-from station.cli.options import JsonOption, SeedOption, UnitOption, WallClockOption
+from station.cli.options import JsonOption, SeedOption, UnitOption, WallClockOption, data_folder
 
 FaultDataOption = Annotated[
     Path | None,
-    typer.Option("--data", metavar="DIR", help="Folder that keeps the records, for 'lostmotion show' and 'replay'."),
+    typer.Option(
+        "--data",
+        metavar="DIR",
+        parser=data_folder,
+        help="Folder that keeps the records, for 'lostmotion show' and 'replay'.",
+    ),
 ]
 
 faults_app = typer.Typer(help="Inject faults into the virtual bench and check the reaction.", no_args_is_help=True)

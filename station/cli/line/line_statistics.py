@@ -26,6 +26,9 @@ TIMES = ("days", "day", "started", "time")
 LEAST_SHARE = 1e-6
 """Share of units beyond the limits that is still told as a figure: 1 in a million. No tail is known further out."""
 
+TWO_DIGITS_UP_TO = 0.995
+"""Share from which two digits would make 1e+02 of it."""
+
 SECONDS_PER_DAY = 86400.0
 Study = TypeVar("Study")
 OUT_OF_CONTROL = 1
@@ -203,7 +206,10 @@ def _no_limit(found: Values) -> StationError:
 
 def _share(fraction: float) -> str:
     """Return a share of the units in per cent; below what any normal distribution can be trusted with, only that."""
-    return f"less than {100 * LEAST_SHARE:g} %" if fraction < LEAST_SHARE else f"{100 * fraction:.2g} %"
+    if fraction < LEAST_SHARE:
+        return f"less than {100 * LEAST_SHARE:g} %"
+    digits = 3 if fraction >= TWO_DIGITS_UP_TO else 2
+    return f"{100 * fraction:.{digits}g} %"
 
 
 def units_of(asked: Asked, level: float, *, as_json: bool) -> int:

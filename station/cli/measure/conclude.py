@@ -14,6 +14,7 @@ from station.records.chain.writing import settle_killed
 from station.records.data_folder import Store
 from station.records.run_record import RECORDING, RunRecord
 from station.records.seal import EXIT_ALTERED, alterations, is_sealed
+from station.records.to_paste import to_paste
 from station.run.way_back.left_behind import collect
 from station.run.way_back.recover import recover, to_be_concluded
 
@@ -48,7 +49,8 @@ def conclude_runs(name: str | None, data: Path, *, all_runs: bool, as_json: bool
     if as_json:
         sys.stdout.write(json.dumps({"runs": plain(rows), "rings_removed": collected}, ensure_ascii=False) + "\n")
     else:
-        lines = [_line(row) for row in rows] or ["every run is concluded"]
+        place = data if name is None else chosen[0].folder.parent
+        lines = [_line(row, place) for row in rows] or ["every run is concluded"]
         lines += [f"{path}: removed, no run needs it any more" for path in collected]
         sys.stdout.write("\n".join(lines) + "\n")
     if any(row.outcome in NOT_DONE for row in rows):
@@ -94,16 +96,17 @@ def _as_it_is(row: ConcludedRow, run: RunRecord) -> ConcludedRow:
     return replace(row, outcome=CONCLUDED, state=manifest.state, verdict=manifest.verdict)
 
 
-def _line(row: ConcludedRow) -> str:
-    """Return one run as a line for a person."""
+def _line(row: ConcludedRow, data: Path) -> str:
+    """Return one run as a line for a person; data: folder of the run."""
     if row.outcome == CONCLUDED:
         brought = f", {row.records_brought} scans brought from memory" if row.records_brought else ""
         found = f"no verdict, because the record was altered: {row.error}" if row.error else row.verdict
         return f"{row.run}: {row.state}, {found}{brought}"
     if row.outcome == STILL_RUNNING:
-        return f"run {row.run} is still in progress. Take it over: 'lostmotion resume {row.run}'"
+        return f"run {row.run} is still in progress. Take it over: '{to_paste('resume', row.run, data=data)}'"
     if row.outcome == OWNED:
         return f"run {row.run}: another process is using this run. Try again when that process has ended"
     if row.outcome == WITHOUT_VERDICT:
         return f"run {row.run} was interrupted and has no verdict: {row.error}"
-    return f"run {row.run} could not be concluded: {row.error}. Correct this, then run 'lostmotion conclude {row.run}'"
+    again = to_paste("conclude", row.run, data=data)
+    return f"run {row.run} could not be concluded: {row.error}. Correct this, then run '{again}'"

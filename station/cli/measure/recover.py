@@ -34,6 +34,7 @@ from station.records.program_file import PROGRAM, StoredProgram, plain_program
 from station.records.run_record import BENCH_COPY, INTERRUPTED, NOT_CONCLUDED, RECIPE_COPY, RunRecord
 from station.records.samples.check import sound_table
 from station.records.samples.samples import samples_bytes
+from station.records.to_paste import to_its_result
 from station.reports.stored_result import result_and_doubts
 from station.run.conclusion import conclude
 from station.run.new_record import bench_source
@@ -157,7 +158,7 @@ def _conclude_if_deserted(run: RunRecord) -> None:
     """Conclude the run that the recovery begins at; where that cannot be done now, its samples have to do."""
     if run.scanning():
         raise StationError(
-            f"run {run.id} is still in progress (pid {run.scanning()}). Take it over: 'lostmotion resume {run.id}'"
+            f"run {run.id} is still in progress (pid {run.scanning()}). Take it over: '{to_its_result(run)}'"
         )
     try:
         conclude_deserted(run)

@@ -24,6 +24,7 @@ from station.records.clock_behind import SAY_SO, ClockBehind, clock_behind
 from station.records.clocks import SCAN, VIRTUAL, Pacing
 from station.records.data_folder import Store, check_note, check_operator, check_reason, check_serial
 from station.records.run_record import INTERRUPTED, RECORDING, RunRecord
+from station.records.to_paste import to_paste
 from station.reports.result_view import result_console, show_report, show_result
 from station.reports.stored_result import stored_result
 from station.results.evaluation import load_ahead
@@ -166,7 +167,7 @@ def finish(record: RunRecord, result: Result, shown: Callable[[], Shown] | None,
         if shown is not None:
             _report(record, shown, log, as_json=as_json)
     if shown is None and not as_json:
-        sys.stdout.write(f"report  lostmotion report {record.folder}\n")
+        sys.stdout.write(f"report  {to_paste('report', str(record.folder))}\n")
     return exit_code(result)
 
 
@@ -273,7 +274,8 @@ def no_record(record: RunRecord, error: RecordError, *, as_json: bool) -> int:
     """Tell that the disk refused the record; return the exit code. There is no verdict without a record."""
     text = f"the record could not be kept, so there is no verdict: {error}"
     if record.has(SUPERVISOR_REPORT):
-        text += f". The run itself is stored: when the disk works again, 'lostmotion conclude {record.id}' concludes it"
+        again = to_paste("conclude", record.id, data=record.folder.parent)
+        text += f". The run itself is stored: when the disk works again, '{again}' concludes it"
     sys.stderr.write(f"{text}\n")
     if as_json:
         try:

@@ -13,6 +13,7 @@ from station.errors import StationError
 from station.records.begun_by import BEGUN, begun_and_left, begun_text
 from station.records.chain.chain_file import Chain
 from station.records.run_record import NOT_CONCLUDED, RunRecord
+from station.records.to_paste import to_paste
 from station.run.run_list import RunRow, print_runs, row
 from station.store.attempts import attempts_told
 from station.store.stored_runs import StoredRun, believed, runs_named
@@ -64,7 +65,8 @@ def _below(view: View, rows: list[RunRow]) -> list[str]:
     lines += [] if begun is None else [begun_text(begun)]
     waiting = sum(one.state == NOT_CONCLUDED and not one.scanning for one in rows)
     if waiting:
-        lines.append(f"runs that are not evaluated yet: {waiting}. 'lostmotion conclude --all' evaluates them")
+        every = to_paste("conclude", "--all", data=view.data)
+        lines.append(f"runs that are not evaluated yet: {waiting}. '{every}' evaluates them")
     return lines
 
 
@@ -114,7 +116,8 @@ def _stored_row(stored: StoredRun, attempts: str | None) -> RunRow:
 
 
 def _notes(view: View, left_out: int) -> list[str]:
-    notes = [f"{left_out} older runs are not shown. All: 'lostmotion list --all'"] if left_out else []
+    every = to_paste("list", "--all", data=view.data)
+    notes = [f"{left_out} older runs are not shown. All: '{every}'"] if left_out else []
     texts = [problem.text for problem in view.problems]
     notes += [f"PROBLEM  {text}" for text in texts[:MOST_PROBLEMS]]
-    return notes + ([f"{len(texts)} found: see 'lostmotion verify --data {view.data}'"] if texts else [])
+    return notes + ([f"{len(texts)} found: see '{to_paste('verify', data=view.data)}'"] if texts else [])

@@ -14,6 +14,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import NOT_CONCLUDED
 from station.records.seal import EXIT_ALTERED, alteration_lines, alterations
+from station.records.to_paste import to_its_result
 from station.reports.illustrate import HTML, PDF
 from station.reports.report_of_run import made_report
 
@@ -30,9 +31,7 @@ def report(name: str, data: Path, out: Path | None, *, open_it: bool, as_json: b
     """
     run = Store(data).find(name)
     if run.state() == NOT_CONCLUDED:
-        raise StationError(
-            f"{run.id}: not concluded yet, so there is no result to report. Run 'lostmotion conclude {run.id}'"
-        )
+        raise StationError(f"{run.id}: not concluded yet, so there is no result to report. Run '{to_its_result(run)}'")
     folder = run.folder if out is None else out
     if folder.resolve() != run.folder.resolve():
         refuse_records(folder / HTML)

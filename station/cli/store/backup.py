@@ -9,6 +9,8 @@ from pathlib import Path
 from station.counted import counted
 from station.documents.entries import plain
 from station.records.backup import Kept, back_up, below, not_concluded, restore
+from station.records.run_record import RunRecord
+from station.records.to_paste import to_its_result, to_paste
 from station.records.verify import verify_folder
 from station.web.people import audit
 from station.web.people.database import FILE, StationDatabase
@@ -61,6 +63,7 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
         }
         sys.stdout.write(json.dumps(document, ensure_ascii=False) + "\n")
     else:
+        every = to_paste("conclude", "--all", data=data)
         lines = [
             f"{file}: {counted(kept.files, 'file')}, {kept.bytes / 1e6:.1f} MB, made {kept.made}",
             ", ".join(
@@ -79,8 +82,8 @@ def _say(file: Path, data: Path, kept: Kept, *, as_json: bool) -> int:
             *([] if head is None else [f"audit trail: {head.lines} lines, head {head.head_sha256}"]),
             "every file has its recorded hash; 'verify' " + ("passed" if not problems else "finds problems:"),
             *(f"  {problem.text}" for problem in problems[:MOST]),
-            *(f"run {run} is not concluded. Run 'lostmotion conclude {run}'" for run in left[:MOST]),
-            *([f"{len(left)} runs are not concluded. Run 'lostmotion conclude --all'"] if len(left) > MOST else []),
+            *(f"run {run} is not concluded. Run '{to_its_result(RunRecord(data / run))}'" for run in left[:MOST]),
+            *([f"{len(left)} runs are not concluded. Run '{every}'"] if len(left) > MOST else []),
         ]
         sys.stdout.writelines(f"{line}\n" for line in lines)
     return EXIT_PROBLEMS if problems or left else 0

@@ -34,12 +34,12 @@ COUNT = "K0100"
 
 
 class DfqError(StationError):
-    """A file is not as the table of fields says. problems: all of them, each with its line."""
+    """A file is not as the table of fields says. problems: all of them, each with its line or its run."""
 
-    def __init__(self, problems: list[str]) -> None:
+    def __init__(self, problems: list[str], hint: str = "") -> None:
         shown = problems[:MOST_SHOWN]
         more = [f"and {len(problems) - MOST_SHOWN} more"] if len(problems) > MOST_SHOWN else []
-        super().__init__("not a file as AQDEF has it: " + "; ".join([*shown, *more]))
+        super().__init__("not a file as AQDEF has it: " + "; ".join([*shown, *more]) + (f". {hint}" if hint else ""))
         self.problems = problems
 
 
@@ -68,6 +68,15 @@ class DfqFile:
     part: dict[str, str] = field(default_factory=dict)
     characteristics: list[dict[str, str]] = field(default_factory=list)
     rows: list[DfqRow] = field(default_factory=list)
+
+
+def serial_problems(serial: str) -> list[str]:
+    """Return why a file cannot hold a serial number; nothing where it can."""
+    try:
+        serial.encode(ENCODING)
+    except UnicodeEncodeError as error:
+        return [f"{SERIAL}: the sign '{serial[error.start]}' cannot be written in {ENCODING}"]
+    return _form_problems(SERIAL, FIELDS[SERIAL], serial)
 
 
 def checked_dfq(content: bytes) -> DfqFile:

@@ -13,7 +13,7 @@ from sqlalchemy import Row, select
 from analysis.metrics.former_wordings import wording_of_today
 from definitions.metrics import METRICS as METRICS_DEFINED
 from station.errors import StationError
-from station.quality.dfq.check import DfqError, checked_dfq
+from station.quality.dfq.check import DfqError, checked_dfq, serial_problems
 from station.quality.dfq.fields import (
     ENCODING,
     END_OF_LINE,
@@ -42,6 +42,10 @@ OF_A_FILE = ("model", "recipe", "revision", "bench")
 """What a file says once for all its runs, besides definitions and limits."""
 
 NOTHING = "no run of the chosen lot has a value of a metric that has a limit. Choose other runs, such as with --since"
+WITHOUT_THEM = (
+    "A serial number is never cut. Choose runs without this one, such as with --since and --until, and give the unit "
+    "a label that fits"
+)
 DIGITS = 12
 
 
@@ -166,7 +170,7 @@ def _meaning(row: Row[Any]) -> tuple[str, ...]:
 def _file(rows: Sequence[Row[Any]], there: Sequence[Characteristic], program: str) -> Written:
     places = {(*one.meaning, side): None for one in there for side in one.sides}
     numbers = {key: number for number, key in enumerate(places)}
-    lines, left_out = [], 0
+    lines, left_out, unfit = [], 0, list[str]()
     for _, group in groupby(rows, key=lambda row: row.run):
         of_run = list(group)
         cells = {(*_meaning(row), row.side): row for row in of_run}
@@ -174,9 +178,13 @@ def _file(rows: Sequence[Row[Any]], there: Sequence[Characteristic], program: st
             left_out += 1
             continue
         lines.append(NEXT_CHARACTERISTIC.join(_value(of_run[0], cells.get(key)) for key in numbers))
-        lines.append(f"K0014/0 {of_run[0].serial}")
+        run, serial = of_run[0].run, of_run[0].serial
+        unfit += [f"run {run}, serial number '{serial}': {problem}" for problem in serial_problems(serial)]
+        lines.append(f"K0014/0 {serial}")
     if not lines:
         raise StationError(NOTHING)
+    if unfit:
+        raise DfqError(unfit, WITHOUT_THEM)
     head = _head(rows[-1], len(numbers), program)
     for one in there:
         for side in one.sides:

@@ -17,6 +17,7 @@ from station.records.data_folder import Store
 from station.records.run_record import RunRecord
 from station.records.run_ring import collect_rings
 from station.records.seal import alterations, is_sealed
+from station.records.to_paste import to_paste
 from station.run.way_back.recover import recover, to_be_concluded
 
 NEWEST_LOOKED_AT = 50
@@ -36,7 +37,7 @@ def conclude_own(store: Store, bench: str, say: Say) -> None:
             if run.manifest().bench.name != bench or not to_be_concluded(run) or run.scanning():
                 continue
             if time.monotonic() - started > BEGIN_WITHIN_S:
-                say(f"run {run.id} is not evaluated yet. Run 'lostmotion conclude --all'")
+                say(f"run {run.id} is not evaluated yet. Run '{to_paste('conclude', '--all', data=store.data)}'")
                 return
             _conclude(run, say)
 

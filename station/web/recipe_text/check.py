@@ -91,13 +91,15 @@ def refuse_unfit(content: bytes, models: Models) -> Job:
 
 
 def encoded(text: str) -> bytes:
-    """Return the bytes of a text that was sent, with line feeds alone and without a mark of its encoding.
+    """Return the bytes of a text that was sent, with U+000A at line ends and without a mark of its encoding.
+
+    A U+000D that stands alone stays, and is refused where the text is read: not every editor ends a line there.
 
     Raises:
         BadRecipeError: a recipe cannot be that long.
 
     """
-    content = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n").encode()
+    content = text.removeprefix("\ufeff").replace("\r\n", "\n").encode()
     if len(content) > LARGEST_FILE:
         raise BadRecipeError(f"The text has {len(content)} bytes; a recipe has at most {LARGEST_FILE}. Shorten it.")
     return content

@@ -278,20 +278,34 @@ def test_another_first_word_has_all_commands_to_choose_from(word: str) -> None:
     assert len(command_line(word).commands) == sum(map(len, COMMANDS.values()))
 
 
-def commands_with_json(group: Any, *before: str) -> Iterator[tuple[str, ...]]:
+def commands_with(option: str, group: Any, *before: str) -> Iterator[tuple[str, ...]]:
     for name, command in group.commands.items():
         if hasattr(command, "commands"):
-            yield from commands_with_json(command, *before, name)
-        elif any("--json" in option.opts for option in command.params):
+            yield from commands_with(option, command, *before, name)
+        elif any(option in one.opts for one in command.params):
             yield (*before, name)
 
 
-@pytest.mark.parametrize("words", list(commands_with_json(command_line())), ids=" ".join)
+@pytest.mark.parametrize("words", list(commands_with("--json", command_line())), ids=" ".join)
 def test_every_command_with_json_refuses_in_json(words: tuple[str, ...]) -> None:
     done = here(*words, "--nonsense", "--json")
     assert done.exit_code == 2
     (error,) = done.json["errors"]
     assert "--nonsense" in error["found"]
+
+
+@pytest.mark.parametrize("words", list(commands_with("--data", command_line())), ids=" ".join)
+@pytest.mark.parametrize("folder", ["", " "])
+def test_every_command_with_data_refuses_an_empty_one(
+    words: tuple[str, ...], folder: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As a path it is the working folder, and a run began a chain of its own there."""
+    monkeypatch.chdir(tmp_path)
+    done = here(*words, "--data", folder)
+    assert (done.exit_code, done.out) == (2, "")
+    assert "--data is empty" in done.err
+    assert "name a folder" in done.err
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("args", [("check", "nothing.yaml"), ("show", "nothing")])

@@ -105,7 +105,16 @@ def test_capability_says_how_to_give_a_limit_that_the_recipe_lacks(tmp_path: Pat
         line.capability_of(asked, (None, None), 1, 0.95, as_json=False)
 
 
-@pytest.mark.parametrize(("limit", "said"), [("12", "less than 0.0001 %"), ("10.2", "2.3 %")])
+@pytest.mark.parametrize(
+    ("limit", "said"),
+    [
+        ("12", "less than 0.0001 %"),
+        ("10.2", "2.3 %"),
+        ("9.76", "99 %"),
+        ("9.73", "99.7 %"),
+        ("9", "100 %"),
+    ],
+)
 def test_a_share_beyond_the_limits_that_nobody_can_know_is_not_told_as_a_figure(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], limit: str, said: str
 ) -> None:

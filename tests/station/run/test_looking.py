@@ -118,7 +118,7 @@ def test_a_run_that_was_left_is_shown_as_what_it_is_with_its_samples_and_its_rin
     assert (shown["records"], shown["waiting"]) == (on_disk, WAITING)
     assert f"lostmotion conclude {waiting.id}" in shown["reasons"][0]
     listed = here("list", "--data", data)
-    assert "not evaluated yet: 1. 'lostmotion conclude --all'" in listed.out
+    assert f"not evaluated yet: 1. 'lostmotion conclude --all --data {data}'" in listed.out
     assert here("report", waiting.id, "--data", data).exit_code == 2
     assert everything(waiting.folder.parent) == before
     assert ring.exists()

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import datetime
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
 from aqdef_reader import by_another_program
 from lostmotion_command import here
-from stored_runs import metric, store_run
+from stored_runs import START, metric, store_run
 
 from definitions.metrics import METRICS
 from station.quality.dfq.check import DfqError, DfqFile, checked_dfq
@@ -178,6 +178,23 @@ def test_an_altered_record_is_refused_as_a_file_cannot_say_that_it_is_one(tmp_pa
     for text in ("RECORD ALTERED", "record altered: result.json: was changed", "was not written"):
         assert text in told.err
     assert here(*words, "--json").json["file"] is None
+
+
+@pytest.mark.parametrize("serial", ["S" * 41, "Ω-1"])
+def test_a_serial_number_that_does_not_fit_is_named_with_its_run_and_what_to_do(tmp_path: Path, serial: str) -> None:
+    """Of a lot of thousands nobody finds it by the line of a file that was not written."""
+    data, runs = tmp_path / "runs", list[str]()
+    for day, one in enumerate(("SN-1", serial, "SN-2", serial)):
+        runs.append(store_run(data, one, [metric(0.5)], day=day).id)
+    found = here("quality", "dfq", "--data", str(data), "--out", str(tmp_path / "x.dfq"))
+    assert found.exit_code == 2
+    for run in (runs[1], runs[3]):
+        assert f"run {run}, serial number '{serial}': K0014: " in found.err
+    assert "--since and --until" in found.err
+    assert "line " not in found.err
+    first = (START + timedelta(days=0.5)).isoformat()
+    apart = here("quality", "dfq", "--data", str(data), "--out", str(tmp_path / "x.dfq"), "--until", first)
+    assert (apart.exit_code, (tmp_path / "x.dfq").is_file()) == (0, True)
 
 
 @pytest.mark.parametrize(

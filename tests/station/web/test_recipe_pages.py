@@ -143,6 +143,27 @@ def test_what_was_typed_is_left_only_after_a_question(station: Served, enter: En
     assert asked == ["beforeunload"], "nothing is lost that was taken back"
 
 
+def test_a_form_beside_a_text_with_a_name_twice_says_so_and_changes_nothing(station: Served, enter: Enter) -> None:
+    page = recipes_of(enter, "technician")
+    page.set_default_timeout(20_000)
+    text = _first(station).replace("name: good", "name: twice").encode()
+    page.set_input_files(".lm-import input[type=file]", {"name": "t.yaml", "mimeType": "text/yaml", "buffer": text})
+    page.wait_for_url("**/recipes/twice/1")
+    page.wait_for_selector(".lm-in-order")
+    page.click(".cm-content")
+    page.keyboard.press("Control+End")
+    page.keyboard.type("\nloading: input")
+    page.wait_for_selector(".lm-problem:has-text('a second time')")
+    tab(page, "Limits")
+    limit = page.locator("input[aria-label^='Torque ratio, slope'][aria-label$='min']")
+    limit.fill("85")
+    limit.press("Enter")
+    page.wait_for_selector(".lm-refused:visible:has-text('a second time')")
+    tab(page, "Changes")
+    page.wait_for_selector(".lm-added:has-text('loading: input')")
+    assert page.locator(".lm-added:has-text('min: 85')").count() == 0
+
+
 def test_whoever_only_operates_may_read_and_change_nothing(enter: Enter) -> None:
     page = recipes_of(enter, "operator")
     assert page.locator(".lm-import").count() == 0

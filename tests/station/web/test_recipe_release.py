@@ -39,6 +39,17 @@ def refused(answer: Any, status: int, *ids: str) -> str:
     return str(answer.json()["refused"][0]["text"])
 
 
+@pytest.mark.parametrize("sign", ["\u2028", "\x85", "\r", "\u202e", "\u200b"])
+def test_a_text_that_looks_other_than_it_is_read_is_not_saved(station: Station, sign: str) -> None:
+    engineer = client_of(station, "engineer")
+    text = golden(2) + f"\n# the limits were{sign}wider\n"
+    answer = engineer.post("save_recipe", {"text": text, "replaces": ""})
+    said = refused(answer, 422, "recipe")
+    assert f":{text.count(chr(10))}:18: found the character U+{ord(sign):04X}" in said
+    listed = engineer.http.get("/api/recipes").json()["revisions"]
+    assert [one["revision"] for one in listed if one["name"] == "good"] == [1]
+
+
 def test_a_second_person_releases_and_the_next_unit_is_measured_by_it(
     station: Station, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -89,10 +89,13 @@ class _Editor:
     async def build(self, say: Words, *, as_new: bool) -> None:
         """Lay the page out; as_new: the text becomes the draft of the next revision."""
         assert self._found is not None  # noqa: S101 - the page was asked for by it
-        self._words, opened = say, self._found
+        self._words, opened, refused = say, self._found, list[str]()
         if as_new and opened.state is State.RELEASED:
             number = max(one.revision for one in self._history.all() if one.name == opened.name) + 1
-            self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
+            try:
+                self._text = changed(self._text.encode(), ("recipe", "revision"), str(number)).decode()
+            except RecipeError as error:  # a text of before, in which a sign stood that is refused today
+                refused = [say(str(error))]
             self._kept, self._found = self._text, None
         ui.colors(primary=LINE_INK)
         bar(self._station, self._session, "recipes", say)
@@ -114,6 +117,7 @@ class _Editor:
         ui.run_javascript(f"getHtmlElement({self._editor.id}).querySelector('.cm-scroller').tabIndex = 0")
         ui.run_javascript(f"document.querySelector('.cm-content')?.setAttribute('aria-label', {say(TEXT_LABEL)!r})")
         self._show_head()
+        self._say(refused)
         ui.timer(LOOK_EVERY_S, self._look)
         ui.timer(SESSION_EVERY_S, partial(still_open, self._station, self._session))
 

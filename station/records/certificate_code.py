@@ -19,7 +19,7 @@ from station.records.chain.entries import SEALED, Entry
 from station.records.chain.walk import trust_of
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.records.seal import alterations, is_sealed
+from station.records.seal import alterations, is_sealed, is_signed_for
 
 CERTIFICATE = "certificate.yaml"
 """The file of a data folder that says how its certificates look; what is made by it is made anew when it changes."""
@@ -77,15 +77,18 @@ def names_a_run(text: str) -> bool:
     return _CODE.search(text) is not None or _RUN.search(text) is not None
 
 
-def check_code(data: Path, text: str) -> CheckedCode:
+def check_code(data: Path, text: str, named: tuple[str, ...] = ()) -> CheckedCode:
     """Return what a code is, against the records and the chain of a data folder.
+
+    named: public keys, one of which must have signed; empty for those that this computer knows, and for runs from
+    before the chain.
 
     Raises:
         CodeError: the text is no code.
         RecordError: the chain or the record cannot be read.
 
     """
-    known = _checked(data, text)
+    known = _checked(data, text, named)
     if known.attempt is None:
         return known
     since = tuple(one for one in Store(data).attempts_of(known.serial) if one.attempt > known.attempt)
@@ -93,7 +96,7 @@ def check_code(data: Path, text: str) -> CheckedCode:
     return replace(known, aside=aside, since=since)
 
 
-def _checked(data: Path, text: str) -> CheckedCode:
+def _checked(data: Path, text: str, named: tuple[str, ...]) -> CheckedCode:
     """Return what a code is, without what the verdict of its run is worth by now; raises as `check_code`."""
     found = _CODE.fullmatch(text.strip()) if len(text) <= LONGEST_CODE else None
     if found is None:
@@ -104,18 +107,24 @@ def _checked(data: Path, text: str) -> CheckedCode:
     sha256, chain = found[1].lower(), Chain(data)
     name = _as_written(data, chain, found[2])
     run = Store(data).by_id(name)
-    entry = _sealed(chain, name)
+    keys = frozenset(named) if named else trust_of(chain).keys if chain.there else frozenset()
+    entry = _sealed(chain, name, keys)
     if run is None:
         return _without_record(sha256, name, entry)
     manifest = run.manifest()
     known = CheckedCode(ALTERED, "", name, manifest.serial, manifest.attempt, manifest.verdict, manifest)
     if not is_sealed(manifest):
         return _said(known, ALTERED, "The run was not concluded, so no certificate was made of it.")
-    if altered := alterations(run, chain=chain):
+    if altered := alterations(run, chain=chain, trusted=frozenset(named) or None):
         return _said(known, ALTERED, f"The record is not as it was when the run was concluded: {altered[0]}.")
     if sha256 != _hash(run):
         return _said(known, ALTERED, "The hash on the certificate is not that of the record: one of the two is forged.")
-    return _said(known, GENUINE, "The record is as it was when the run was concluded. Compare what the paper says.")
+    if named and not is_signed_for(run, chain, keys):
+        return _said(known, UNKNOWN, f"Nothing of this record is signed by {', '.join(named)}.")
+    text = "The record is as it was when the run was concluded. Compare what the paper says."
+    if not chain.there:
+        text = "The record is as its own files say, and nothing signed vouches for it. Compare what the paper says."
+    return _said(known, GENUINE, text)
 
 
 def attempts_of(found: CheckedCode) -> str:
@@ -130,13 +139,12 @@ def _said(known: CheckedCode, standing: str, text: str) -> CheckedCode:
     return CheckedCode(standing, text, known.run, known.serial, known.attempt, shown, known.manifest)
 
 
-def _sealed(chain: Chain, run: str) -> Entry | None:
-    """Return the newest signed line with which a run was concluded, by a key that this computer knows."""
+def _sealed(chain: Chain, run: str, keys: frozenset[str]) -> Entry | None:
+    """Return the newest signed line with which a run was concluded, by one of these keys."""
     if not chain.there:
         return None
-    trusted = trust_of(chain).keys
     lines = (one for one in chain.entries_of(run) if one.fields["kind"] == SEALED)
-    return next((one for one in reversed(list(lines)) if one.signed and one.fields["key"] in trusted), None)
+    return next((one for one in reversed(list(lines)) if one.signed and one.fields["key"] in keys), None)
 
 
 def _as_written(data: Path, chain: Chain, name: str) -> str:

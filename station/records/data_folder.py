@@ -27,9 +27,8 @@ from station.records.attempts import earlier_attempts
 from station.records.begun_by import beginning_of, begun_and_left, begun_text, concluded_and_lost, is_begun_with
 from station.records.chain.chain_file import CHAIN, CREATED_MANIFEST, Chain, put_created_in_place
 from station.records.chain.entries import CREATED, Entry
-from station.records.chain.head import chain_seen_in
 from station.records.chain.lookup import last_attempt
-from station.records.chain.old_index import INDEX
+from station.records.chain.missing import is_data_folder, stands_alone
 from station.records.chain.writing import writing_to
 from station.records.folder_check import about_concluded, is_from_here, runs_before
 from station.records.run_folders import STAMP, is_run, is_text, moment_of, runs_there
@@ -122,8 +121,7 @@ def _named_folder(path: Path) -> Path:
     if path.name in ("", ".."):  # a run is named by its folder, and these have no name
         return path.resolve()
     data = path.parent.resolve()
-    keeps_runs = any(is_there(data / name) is not False for name in (CHAIN, INDEX)) or chain_seen_in(data) is not None
-    return data / path.name if keeps_runs else path.resolve()
+    return data / path.name if is_data_folder(data) else path.resolve()
 
 
 def _lay_out(record: RunRecord, files: Mapping[str, bytes]) -> None:
@@ -351,8 +349,10 @@ class Store:
         """Return the run whose id this is, letter by letter; None where there is none."""
         return RunRecord(self.data / run) if run in self._names() and self._is_run(run) else None
 
-    def find(self, name: str) -> RunRecord:
+    def find(self, name: str, *, alone: bool = False) -> RunRecord:
         """Find a run by id, folder, the end of its id, serial number (newest attempt), or `last`.
+
+        alone: who asks shows also a single run by its own files, and tells that no chain vouches for it.
 
         Raises:
             StationError: there is none, or the name fits several.
@@ -361,7 +361,8 @@ class Store:
         if not name.strip():
             raise StationError("RUN is empty; allowed are a run id or part of it, a serial number, a folder, or 'last'")
         if is_there(Path(name) / MANIFEST) is not False:
-            return RunRecord(_named_folder(Path(name)))
+            folder = _named_folder(Path(name))
+            return RunRecord(folder, shown_alone=alone and stands_alone(folder))
         names = self._names()
         by_serial = [run for run in self._named_by(name, names) if run.serial() == name]
         exact = name in names and self._is_run(name)

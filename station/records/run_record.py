@@ -76,8 +76,12 @@ def running_process(pid: int) -> RunningProcess:
 class RunRecord:
     """One run's folder."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *, shown_alone: bool = False) -> None:
+        """Take the folder; shown_alone: it lies in no data folder, and who looks is told that no chain vouches for it.
+
+        Then a chain that its run.json names may be elsewhere. Of any other record it is evidence, and has to be there.
+        """
+        self.folder, self.shown_alone = folder, shown_alone
         self.lock = RunLock(folder)
 
     @property

@@ -24,7 +24,7 @@ from station.records.chain.blocks import read_back
 from station.records.chain.chain_file import CHAIN, Chain
 from station.records.chain.entries import SEALED as SEALED_ENTRY
 from station.records.chain.entries import Entry
-from station.records.chain.head import chain_seen_in
+from station.records.chain.missing import why_not_alone
 from station.records.chain.old_index import INDEX, index_content, index_kept, index_lines
 from station.records.chain.walk import trust_of, whole_between
 from station.records.chain.writing import writing_to
@@ -214,6 +214,15 @@ def _sealed_elsewhere(chain: Chain, run: str, trusted: frozenset[str] | None = N
     return [one.fields["sha256"] for one in signed]
 
 
+def is_signed_for(record: RunRecord, chain: Chain, keys: frozenset[str]) -> bool:
+    """Whether a line of one of these keys vouches for a run.json as it is: its own, or the first with the old index."""
+    if not chain.there or chain.start is None or chain.start.key not in keys:
+        kept = [str(one.fields["sha256"]) for one in _that_count(chain, record.id, keys)]
+    else:
+        kept = _vouched(chain, record.id, keys)
+    return fingerprint(record.folder / MANIFEST).sha256 in kept
+
+
 def _that_count(chain: Chain, run: str, trusted: frozenset[str] | None = None) -> list[Entry]:
     """Return the lines that seal a run and count; trusted: None for the keys that this computer knows."""
     signed = [one for one in _sealed_entries(chain, run) if one.signed]
@@ -328,8 +337,8 @@ def _against_chain(record: RunRecord, manifest: Manifest, chain: Chain, trusted:
     """Return what speaks against a run in the chain beside it, or in the index of a folder from before chains."""
     run = manifest.id
     if not chain.there:
-        if chain_seen_in(chain.data) is not None:
-            return [f"{CHAIN}: is missing, and this computer has written one in this folder"]
+        if why := why_not_alone(manifest, chain.data):
+            return [] if record.shown_alone else [why]
         has_index = is_there(chain.data / INDEX) is not False
         return _against_index(record, manifest, index_content(chain.data)) if has_index else []
     named = [] if run == record.id else [f"{MANIFEST}: is that of run {run}; the folder was copied or renamed"]

@@ -10,6 +10,7 @@ from pathlib import Path
 from station.errors import RecordError
 from station.records.archive_note import read_note
 from station.records.chain.chain_file import Chain
+from station.records.chain.missing import altered_problem, unsigned_problems
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, Walk, attempt_problems, end_problems, key_problems, trust_of, walk
 from station.records.data_folder import Store
@@ -44,13 +45,16 @@ class Verified:
     """Of them those that are in the archive, by the note of the folder."""
 
 
-def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = True) -> Verified:
+def verify_folder(
+    data: Path, named: tuple[str, ...] = (), *, samples: bool = True, may_be_empty: bool = False
+) -> Verified:
     """Check a data folder completely, also one in which units are measured meanwhile.
 
     Args:
         data: the folder.
         named: public keys whose signatures count; empty for those that this computer knows.
         samples: False compares only the size of the samples.
+        may_be_empty: in a folder without a run nothing has to be signed, whatever key is named.
 
     Raises:
         RecordError: the chain is there and cannot be read.
@@ -65,6 +69,8 @@ def verify_folder(data: Path, named: tuple[str, ...] = (), *, samples: bool = Tr
         # The chain has grown since it was read: what is in doubt may only be newer than what was read of it.
         chain = Chain(data)
         sound |= found.walk.sealed.keys() - doubtful
+    if found.runs or not may_be_empty:
+        found.problems.extend(unsigned_problems(found.walk, named))
     return found
 
 
@@ -100,7 +106,7 @@ def _looked_at(data: Path, chain: Chain, named: tuple[str, ...], sound: Abstract
             problems.append(Problem("damaged", run.id, f"{run.id}: {error}"))
             continue
         if run.id not in told:
-            problems += [Problem("altered", run.id, f"{run.id}: {one}") for one in altered]
+            problems += [altered_problem(run.id, one) for one in altered]
     open_still = [run for run in found.sealed if run not in concluded and run not in found.removed]
     problems += unknown_seals(chain, open_still, trust.keys)
     problems += _recipe_problems(data, trust)

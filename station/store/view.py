@@ -23,6 +23,7 @@ from station.atomic_file import seen_text
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
 from station.records.chain.head import chain_seen_in
+from station.records.chain.missing import altered_problem
 from station.records.chain.problems import Problem
 from station.records.chain.walk import Trust, end_problems, key_problems, trust_of
 from station.records.folder_check import folder_problems, name_problems, runs_before, unknown_seals
@@ -163,7 +164,7 @@ def _looked(data: Path, chain: Chain, database: Database) -> View:
         view.problems += unknown_seals(chain, open_still, view.trust.keys)
     view.problems += [*old_problems, *named, *name_problems(there)]
     view.problems += [
-        Problem("altered", run, f"{run}: {text}")
+        altered_problem(run, text)
         for run, texts in altered.items()
         if run not in told and run in folders
         for text in texts

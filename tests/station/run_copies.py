@@ -21,6 +21,12 @@ def copy_of(record: Path, folder: Path) -> RunRecord:
     return RunRecord(Path(shutil.copytree(record, folder / record.name)))
 
 
+def from_before(run: RunRecord) -> RunRecord:
+    """Make a copied run one from before the chain, which only its own files vouch for; a test then changes them."""
+    run.write_json("run.json", {name: value for name, value in run.read_json("run.json").items() if name != "chain"})
+    return run
+
+
 def desert(record: RunRecord, *, ring: Path, report: dict[str, Any] | None) -> None:
     """Make the run one whose supervisor died before it said how its scan ended; `report` is the scan process's own."""
     as_recorded(record)

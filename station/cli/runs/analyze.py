@@ -13,6 +13,7 @@ from recipes import OWN, Selection
 from station.bench.request import trace_file
 from station.cli.measure.run import EXIT_BENCH, EXIT_CODES, exit_code
 from station.cli.runs.evaluate_anew import elsewhere, known_preset, reevaluate
+from station.cli.runs.show import tell_alone
 from station.cli.say import Grid, print_grid
 from station.documents.entries import plain
 from station.documents.result import Evaluation, MetricValue, MonteCarlo, Result
@@ -64,7 +65,8 @@ def analyze(
             raise StationError(f"{trace}: --recipe is missing: it defines how the trace is evaluated")
         result = elsewhere(path, recipe, bench, selection, draws=draws)
     else:
-        run = Store(data).find(trace)
+        run = Store(data).find(trace, alone=True)
+        tell_alone(run)
         if run.state() != "complete" and not alterations(run):
             return _incomplete(run, as_json=as_json)
         result = reevaluate(run, recipe, bench, selection, draws=draws)

@@ -267,7 +267,7 @@ def verify(
     from station.cli.runs import verify as command_verify
 
     if code is not None:
-        raise typer.Exit(command_verify.verify_code(data, code, as_json=as_json))
+        raise typer.Exit(command_verify.verify_code(data, code, key or [], bench, as_json=as_json))
     raise typer.Exit(command_verify.verify(data, key or [], bench, samples=not quick, as_json=as_json))
 
 

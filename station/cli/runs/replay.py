@@ -15,6 +15,7 @@ from recipes import RecipeError
 from station.atomic_file import read_file
 from station.bench.request import Job, stored_job
 from station.cli.measure.run import EXIT_CODES
+from station.cli.runs.show import tell_alone
 from station.cli.runs.what_if import Answer, Question, what_if_lines
 from station.documents.entries import left_out, plain
 from station.documents.events import EventRow
@@ -50,7 +51,8 @@ def replay_run(name: str, data: Path, other: str | None, *, as_json: bool) -> in
             recipe does not fit the run.
 
     """
-    run, is_jog = find_record(data, name)
+    run, is_jog = find_record(data, name, alone=True)
+    tell_alone(run)
     if is_jog and other is not None:
         raise StationError(
             f"--recipe: {run.id} is a jog (the shaft was turned by hand control), which uses no recipe. Replay it "

@@ -15,9 +15,11 @@ from station.documents.entries import plain
 from station.documents.manifest import attempt_text
 from station.records.chain.chain_file import CHAIN
 from station.records.data_folder import Store
+from station.records.run_record import RunRecord
 from station.records.seal import EXIT_ALTERED, is_sealed, vouched_for
 from station.reports.result_view import result_console, show_result
 from station.reports.stored_result import stored_result
+from station.store.view import warn
 
 
 def show(name: str, data: Path, *, as_json: bool) -> int:
@@ -27,10 +29,11 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
         StationError: there is no such run.
 
     """
-    run = Store(data).find(name)
+    run = Store(data).find(name, alone=True)
     found = stored_result(run)
     code = EXIT_ALTERED if found.altered else 0
     if as_json:
+        tell_alone(run)
         sys.stdout.write(json.dumps(plain(found), ensure_ascii=False) + "\n")
         return code
     console = result_console()
@@ -52,6 +55,12 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
     if found.altered:
         console.print(altered_banner(found.altered))
     return code
+
+
+def tell_alone(run: RunRecord) -> None:
+    """Say of a single run without its data folder that no chain vouches for it; of any other nothing."""
+    if run.shown_alone and is_sealed(run.manifest()):
+        warn(f"{run.id}: its folder lies in no data folder, so no {CHAIN} vouches for this record")
 
 
 def altered_banner(altered: Sequence[str]) -> Panel:

@@ -24,7 +24,7 @@ from station.store.quality.verified import tell_store
 from station.store.view import warn
 
 EXIT_PROBLEMS = 1
-NOT_AS_SEALED = NAMED_ONCE | {"altered", "damaged"}
+NOT_AS_SEALED = NAMED_ONCE | {"altered", "damaged", "no_chain"}
 """Kinds of problem by which a record is not the one that was sealed."""
 
 MOST_OF_A_KIND = 20
@@ -40,10 +40,10 @@ def verify(data: Path, keys: list[str], bench: str | None, *, samples: bool, as_
     """
     if not data.is_dir():
         raise StationError(f"--data {data}: there is no such folder; name the one that 'lostmotion run' wrote to")
-    named = tuple(check_public_key(key, "--key") for key in keys) + _key_of(bench)
+    named = _named(keys, bench)
     below = {name: data / name for name in (RECOVERIES, JOGS) if (data / name).is_dir() or chain_seen_in(data / name)}
     folders = [data, *below.values()]
-    found = {folder: verify_folder(folder, named, samples=samples) for folder in folders}
+    found = {one: verify_folder(one, named, samples=samples, may_be_empty=one != data) for one in folders}
     _tell_store(data, found[data], samples=samples)
     if as_json:
         checked = {name: _checked(folder, found[folder]) for name, folder in below.items()}
@@ -82,14 +82,16 @@ class CheckedCertificate:
     since: tuple[str, ...]
 
 
-def verify_code(data: Path, code: str, *, as_json: bool) -> int:
+def verify_code(data: Path, code: str, keys: list[str], bench: str | None, *, as_json: bool) -> int:
     """Say whether a certificate is genuine, and what it has to say; 0 genuine, 1 not.
 
+    keys, bench: who must have signed, as of `verify`.
+
     Raises:
-        StationError: the text is no code, or the data folder cannot be read.
+        StationError: the text is no code, a key is none, or the data folder cannot be read.
 
     """
-    found = check_code(data, code)
+    found = check_code(data, code, _named(keys, bench))
     if as_json:
         whole = CheckedCertificate(
             certificate=found.standing, text=found.text, run=found.run, serial=found.serial, attempt=found.attempt,
@@ -104,6 +106,10 @@ def verify_code(data: Path, code: str, *, as_json: bool) -> int:
         told += [f"since    {one}" for one in found.since]
         sys.stdout.write("\n".join(told) + "\n")
     return 0 if found.standing == GENUINE else EXIT_PROBLEMS
+
+
+def _named(keys: list[str], bench: str | None) -> tuple[str, ...]:
+    return tuple(check_public_key(key, "--key") for key in keys) + _key_of(bench)
 
 
 def _key_of(bench: str | None) -> tuple[str, ...]:
@@ -158,7 +164,7 @@ def _lines(folder: Path, one: Verified) -> list[str]:
     signed = (
         f"{counted(one.walk.entries, 'entry', 'entries')} of the chain"
         if one.chain.there
-        else "no chain: its runs are unsigned"
+        else "no chain: nothing in it is signed"
     )
     gone = f", {one.removed} removed by a retention rule" if one.removed else ""
     gone += (

@@ -63,6 +63,12 @@ def heads_of(chain: str) -> list[Head]:
     return [head for path in files if (head := _signed(path)) is not None]
 
 
+def places_written() -> list[tuple[str, str]]:
+    """Return every chain that this computer has written, and the folder in which it did: id and path, each once."""
+    heads = (_signed(path) for path in (own_place() / CHAINS).glob("*/*.json"))
+    return sorted({(head.chain, head.path) for head in heads if head is not None})
+
+
 def _signed(path: Path) -> Head | None:
     try:
         return _head_in(read_file(path, LARGEST_SMALL_FILE))
@@ -70,7 +76,7 @@ def _signed(path: Path) -> Head | None:
         return None
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=256)
 def _head_in(content: bytes) -> Head | None:
     """Return what was seen of a chain as a file says it, None where it is not signed; kept for who asks again soon."""
     found = _object_in(content)

@@ -12,6 +12,8 @@ PROBLEMS: dict[str, str] = {
     "truncated": "The end of chain.jsonl was cut off. Restore this file and the runs from a backup",
     "lost_entries": "Lines of chain.jsonl were cut off before this entry was written. Look for the runs in a backup",
     "no_chain": "The file chain.jsonl was removed. Restore it from a backup",
+    "unsigned": "Restore chain.jsonl from a backup. If the folder is from before there were chains, verify it without "
+    "--key and --bench, which proves less",
     "no_start": "The first line of chain.jsonl is missing or changed. Restore this file from a backup",
     "strange_lines": "Lines of another hand stand before the first line of chain.jsonl. Take them out of this file",
     "replaced": "The data folder was emptied or replaced. Look for its runs in a backup",

@@ -26,6 +26,7 @@ from station.records.chain.entries import CREATED, LOST, SEALED, START, Entry, e
 from station.records.chain.folder_lock import held
 from station.records.chain.head import Head, chain_seen_in, head_of, heads_of, keep_head
 from station.records.chain.keys import FOLDER_KEYS, BenchKey, keys_in, leave_in_folder, own_key
+from station.records.chain.missing import chain_named_in
 from station.records.chain.old_index import before_the_chain
 from station.records.chain.walk import follows, trust_of
 from station.there import is_there
@@ -114,7 +115,7 @@ class ChainWriter:
         return entry
 
     def _begin(self) -> None:
-        seen = chain_seen_in(self._data)
+        seen = chain_seen_in(self._data) or chain_named_in(self._data)  # of a folder that was moved, its runs tell
         head = None if seen is None else head_of(seen, self._data)
         replaces = None if head is None else {"chain": head.chain, "counter": head.counter, "sha256": head.sha256}
         self._pinned = (self._key.public,)

@@ -113,8 +113,8 @@ def stored_jog(jog: RunRecord, job: Job) -> JogJob:
     return replace(whole, speed_rad_s=recorded.speed_rad_s)
 
 
-def find_record(data: Path, name: str) -> tuple[RunRecord, bool]:
-    """Return a run as `Store.find` does, or the jog of that id, and whether it is a jog.
+def find_record(data: Path, name: str, *, alone: bool = False) -> tuple[RunRecord, bool]:
+    """Return a run as `Store.find` does, or the jog of that id, and whether it is a jog; alone: as there.
 
     Raises:
         StationError: there is neither.
@@ -122,7 +122,7 @@ def find_record(data: Path, name: str) -> tuple[RunRecord, bool]:
     """
     below = jogs(data)
     found = below.by_id(name) if name.strip() else None
-    run = Store(data).find(name) if found is None else found
+    run = Store(data).find(name, alone=alone) if found is None else found
     return run, data_folder(run).name == FOLDER and run.has(PROGRAM) and program_of(run).jog is not None
 
 

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pytest
 from lostmotion_command import here
-from run_copies import copy_of
+from run_copies import copy_of, from_before
 
 from analysis.torque_ratio.quadrants import QUADRANTS
 from analysis.uncertainty.figures import LineCovariance
@@ -164,12 +164,13 @@ def badly_recorded(run: RunRecord) -> None:
     changed(run, "run.json", verdict="NOT DECIDABLE")
 
 
+@pytest.mark.usefixtures("place")  # this computer does not know the run from its own chain
 @pytest.mark.parametrize("export", [False, True])
 @pytest.mark.parametrize("change", [altered, only_simulated, with_faults, badly_recorded])
 def test_a_run_that_says_nothing_of_its_bench_is_no_block_of_a_bench_file(
     quick_run: Any, tmp_path: Path, change: Callable[[RunRecord], None], *, export: bool
 ) -> None:
-    run = copy_of(quick_run.record, tmp_path)
+    run = from_before(copy_of(quick_run.record, tmp_path))
     data = ("--data", str(tmp_path))
     change(run)
     blank = ("blank", "last", *data)
@@ -183,11 +184,12 @@ def test_a_run_that_says_nothing_of_its_bench_is_no_block_of_a_bench_file(
             command(*one)
 
 
+@pytest.mark.usefixtures("place")
 @pytest.mark.parametrize("export", [False, True])
 def test_a_blank_test_takes_the_bench_file_of_its_own_bench_only(
     quick_run: Any, tmp_path: Path, *, export: bool
 ) -> None:
-    copy_of(quick_run.record, tmp_path)
+    from_before(copy_of(quick_run.record, tmp_path))
     data, text = ("--data", str(tmp_path)), shipped_benches()["virtual"].read_text(encoding="utf-8")
     own, other = tmp_path / "own.yaml", tmp_path / "other.yaml"
     own.write_text(text, encoding="utf-8")
@@ -207,10 +209,11 @@ def test_a_blank_test_takes_the_bench_file_of_its_own_bench_only(
         command(*asked, "--bench", str(own))
 
 
+@pytest.mark.usefixtures("place")
 def test_a_blank_test_that_is_no_reducer_is_used_and_told_of(
     quick_run: Any, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    run, blank = copy_of(quick_run.record, tmp_path), ("blank", "last", "--data", str(tmp_path))
+    run, blank = from_before(copy_of(quick_run.record, tmp_path)), ("blank", "last", "--data", str(tmp_path))
     quiet = command(*blank)
     assert "curve:" in quiet
     assert "WARNING" not in capsys.readouterr().err

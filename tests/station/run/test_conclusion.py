@@ -65,6 +65,12 @@ def copied(quick_run: Any, tmp_path: Path) -> RunRecord:
     return copy_of(quick_run.record, tmp_path)
 
 
+@pytest.fixture
+def in_its_folder(quick_run: Any, tmp_path: Path) -> RunRecord:
+    """The same with the chain beside it: without it, nothing in a data folder is believed of the run."""
+    return RunRecord(quick_run.copy(tmp_path / "runs"))
+
+
 def again(record: RunRecord, **changes: Any) -> dict[str, Any]:
     written = changes.pop("written", record.records())
     as_recorded(record)
@@ -203,10 +209,10 @@ def test_a_disk_that_is_full_for_the_report_does_not_hide_the_result(
     assert "Traceback" not in done.err
 
 
-def test_show_reads_the_record_back(copied: RunRecord) -> None:
-    data = str(copied.folder.parent)
+def test_show_reads_the_record_back(in_its_folder: RunRecord) -> None:
+    data = str(in_its_folder.folder.parent)
     assert here("show", "last", "--data", data, "--json").json["verdict"] == "PASS"
-    flip(copied, -30)
+    flip(in_its_folder, -30)
     shown = here("show", "last", "--data", data, "--json").json
     assert shown["verdict"] == "NOT DECIDABLE"
     assert any("the record is damaged" in reason for reason in shown["reasons"])
@@ -246,11 +252,11 @@ def test_the_warning_is_there_before_the_run_starts(copied: RunRecord, recipe: P
     assert copied.id in json.loads(done.out)["notes"][0]
 
 
-def test_list_has_a_row_for_every_run_even_a_damaged_one(copied: RunRecord) -> None:
-    other = copied.folder.parent / "20990101T000000.000Z-X"
+def test_list_has_a_row_for_every_run_even_a_damaged_one(in_its_folder: RunRecord) -> None:
+    other = in_its_folder.folder.parent / "20990101T000000.000Z-X"
     other.mkdir()
     (other / "run.json").write_text("{")
-    rows = here("list", "--data", str(copied.folder.parent), "--json").json
+    rows = here("list", "--data", str(in_its_folder.folder.parent), "--json").json
     assert [row["state"] for row in rows] == ["complete", "damaged"]
 
 

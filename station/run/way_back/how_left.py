@@ -44,23 +44,22 @@ def how_left(run: RunRecord) -> HowLeft:
         return HowLeft.IN_NEED
     try:
         manifest = run.manifest()
-        if not is_sealed(manifest) or alterations(run):
+        recorded_fault = state == FAULT and manifest.records
+        # without the samples: a page asks again and again, and they are most of a run's bytes
+        if recorded_fault or not is_sealed(manifest) or alterations(run, samples=False):
             return HowLeft.IN_NEED
-        if _ended_before_it_began(run, state):
+        if state == FAULT or not _has_begun(run):
             return HowLeft.AS_FOUND
         left = run.read(Result, RESULT).left
     except StationError:
         return HowLeft.IN_NEED
-    opened = state == STOPPED and left is not None and left.lock == "open"
-    return HowLeft.IN_ORDER if opened else HowLeft.IN_NEED
+    return HowLeft.IN_ORDER if left is not None and left.lock == "open" else HowLeft.IN_NEED
 
 
-def _ended_before_it_began(run: RunRecord, state: str) -> bool:
-    """Whether nothing of the bench was changed: it could not be opened, or the start was cancelled.
+def _has_begun(run: RunRecord) -> bool:
+    """Whether anything of the bench was changed; a start that was cancelled before has its transition to the end only.
 
-    Of a bench that could not be opened there is no record; a scan that is lost later has one.
+    Of a bench that could not be opened there is no record at all, and of a scan that is lost later there is one.
     """
-    if state == FAULT:
-        return run.manifest().records == 0
     lines = read_file(run.folder / EVENTS).splitlines()
-    return not has_begun([document_in(EventRow, line, run.folder / EVENTS) for line in lines])
+    return has_begun([document_in(EventRow, line, run.folder / EVENTS) for line in lines])

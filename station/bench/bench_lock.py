@@ -1,7 +1,7 @@
 """One controller at a time on a real bench: locks that the process holds which scans it, of its bus and its devices.
 
-There is one for the CAN bus and one for each Modbus device, so two benches may share a gateway, but no device. They are
-named by what is meant, however a bench file spells it.
+There is one for the CAN bus, one for each serial line, and one for each Modbus device on TCP, so two benches may share a
+gateway, but no device. They are named by what is meant, however a bench file spells it.
 
 The kernel lets go of them when that process ends, however it ends; the files stay and mean nothing. They stand in the
 service's own place with mode 0600: elsewhere any local user could hold them, and keep the bench from measuring.
@@ -78,9 +78,13 @@ def can_lock(can: CanConfig) -> Path:
 
 
 def modbus_lock(device: OnModbus) -> Path:
-    """Return the lock's file of a Modbus device: its line and its unit id; otherwise as `can_lock`."""
-    line = _real(device.serial_port) if device.transport == "rtu" else f"{_address(device.host)}-{device.port}"
-    return _file(f"modbus-{line}-{device.unit_id}")
+    """Return the lock's file of a Modbus device: its gateway and its unit id, or on a serial line that line.
+
+    A gateway asks for two benches in turn; a serial line has one master. Otherwise as `can_lock`.
+    """
+    if device.transport == "rtu":
+        return _file(f"modbus-{_real(device.serial_port)}")
+    return _file(f"modbus-{_address(device.host)}-{device.port}-{device.unit_id}")
 
 
 def _file(name: str) -> Path:

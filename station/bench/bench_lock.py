@@ -1,7 +1,7 @@
 """One controller at a time on a real bench: locks that the process holds which scans it, of its bus and its devices.
 
-There is one for the CAN bus, one for each serial line, and one for each Modbus device on TCP, so two benches may share a
-gateway, but no device. They are named by what is meant, however a bench file spells it.
+There is one for the CAN bus, one for each serial line, and one for each Modbus device on TCP, so two benches may share
+a gateway, but no device. They are named by what is meant, however a bench file spells it.
 
 The kernel lets go of them when that process ends, however it ends; the files stay and mean nothing. They stand in the
 service's own place with mode 0600: elsewhere any local user could hold them, and keep the bench from measuring.

@@ -21,7 +21,7 @@ from station.records.data_folder import Store
 
 PLACE = Path("runs") / "run.json"
 FITS_NOTHING = {"neither": ["a list", "of a block"]}
-LEFT = {"fault": 3, "torque_in_tare_nm": 0.0, "torque_out_tare_nm": 1.5}
+LEFT = {"fault": 3, "torque_in_tare_nm": 0.0, "torque_out_tare_nm": 1.5, "zeroes_of": "r", "zeroes_unknown": True}
 
 
 @pytest.fixture

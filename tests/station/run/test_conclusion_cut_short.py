@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 from lostmotion_command import here
-from run_copies import desert
+from run_copies import desert, from_before
 from run_samples import as_recorded, recorded
 from station_samples import SETUP
 from stored_runs import metric, store_run
@@ -57,7 +57,7 @@ def deserted(unpacked: Path, tmp_path: Path) -> Callable[[str], RunRecord]:
         shutil.copytree(unpacked, folder)
         run = RunRecord(folder)
         report = {"state": "finished", "written": run.records(), "lost": 0, "realtime": {"details": {}}}
-        desert(run, ring=folder / "gone", report=report)
+        desert(from_before(run), ring=folder / "gone", report=report)
         return run
 
     return make

@@ -53,7 +53,7 @@ def run(attempt: int, verdict: str | None = "PASS", state: str = "complete") -> 
 
 
 def newest(state: str, started: str = "2026-01-01T00:00:00+00:00") -> SimpleNamespace:
-    manifest = SimpleNamespace(started=started, verdict=None, bench=SimpleNamespace(name="bench"))
+    manifest = SimpleNamespace(started=started, verdict=None, bench=SimpleNamespace(name="bench"), records=1)
     return SimpleNamespace(id="R1", state=lambda: state, manifest=lambda: manifest)
 
 

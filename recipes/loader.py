@@ -18,7 +18,7 @@ from recipes.text.problems import OptionPath, Problem, RecipeError, Source, dott
 from recipes.text.quantity import ONE_POINT, meant_by
 from recipes.text.section import FROM_DOCUMENT, reader
 from recipes.text.translation import UNKNOWN_OPTION, decimal_commas, options_at, problem_of
-from recipes.text.yaml_source import parse_source, read_source
+from recipes.text.yaml_source import parse_source, read_bytes, refuse_misleading
 
 ModelT = TypeVar("ModelT")
 Context = Mapping[str, Any] | Callable[[Any], Mapping[str, Any]]
@@ -32,7 +32,9 @@ def load_document(path: str | Path, model: type[ModelT], context: Context | None
 
     An option with nothing behind it is one, where the model takes it: its author meant to add a value.
     """
-    source = read_source(path)
+    raw = read_bytes(path)
+    refuse_misleading(raw, str(path))
+    source = parse_source(raw, str(path))
     loaded = load_source(source, model, context)
     source.refuse_empty_options()
     return loaded

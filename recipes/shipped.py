@@ -15,7 +15,7 @@ from recipes.schema.sequence_schema import sequence_order
 from recipes.text.problems import Problem, RecipeError, Source, nearest, one_of
 from recipes.text.quantity import QuantityError, read_quantity
 from recipes.text.section import RATED, REFERENCE
-from recipes.text.yaml_source import parse_source, read_bytes
+from recipes.text.yaml_source import parse_source, read_bytes, refuse_misleading
 
 HERE = Path(__file__).parent
 
@@ -49,7 +49,9 @@ def load_recipe(path: str | Path) -> Recipe:
     An option without a value is one. For the copy in a record, which opens as ever, see `parse_recipe`.
     """
     named = find_recipe(path)
-    recipe = parse_recipe(read_bytes(named), str(named))
+    raw = read_bytes(named)
+    refuse_misleading(raw, str(named))
+    recipe = parse_recipe(raw, str(named))
     recipe.refuse_empty_options()
     return recipe
 
@@ -74,8 +76,9 @@ def parse_bench(raw: bytes, path: str) -> Bench:
 def parse_written_bench(raw: bytes, path: str) -> Bench:
     """Load a bench from the bytes of a file that somebody writes: an option without a value is refused too.
 
-    Raises RecipeError.
+    So is a sign that misleads. Raises RecipeError.
     """
+    refuse_misleading(raw, path)
     source, bench = _bench_of(raw, path)
     source.refuse_empty_options()
     return bench

@@ -1,6 +1,8 @@
 """Signs that make a text look other than it is read, comments included: nobody can check such a file by reading it.
 
 Quantities, choices and names of options refuse them by themselves; in a comment or a free text nothing else does.
+Those that turn the direction of writing were never accepted; the others are refused in what somebody writes, and not in
+the copies of records, which open as ever.
 """
 
 from __future__ import annotations
@@ -36,11 +38,16 @@ class Misleading(NamedTuple):
 
 
 PATTERN = re.compile("|".join(f"({signs})" for signs, *_ in KINDS))
+IN_RECORDS_TOO = re.compile(f"({KINDS[0][0]})")
+"""Of the signs those that no record has."""
 
 
-def misleading_sign(text: str) -> Misleading | None:
-    """Return the first sign of a text that makes it look other than it is read; None where there is none."""
-    match = PATTERN.search(text)
+def misleading_sign(text: str, *, in_record: bool = False) -> Misleading | None:
+    """Return the first sign of a text that makes it look other than it is read; None where there is none.
+
+    in_record: the text may be a copy in a record, in which only `IN_RECORDS_TOO` are refused.
+    """
+    match = (IN_RECORDS_TOO if in_record else PATTERN).search(text)
     if match is None or match.lastindex is None:
         return None
     _signs, does, allowed, hint = KINDS[match.lastindex - 1]

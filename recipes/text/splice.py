@@ -38,8 +38,11 @@ def spliced(text: str, option: OptionPath, written: str) -> str | None:
     if not written:
         return _taken_out(text, section, index)
     start, end = _start(value), _end(value)
-    blank = " " if start == end else ""  # nothing stands behind the colon
-    return text[:start] + blank + written + text[end:]
+    if start < end:
+        return text[:start] + written + text[end:]
+    # Nothing stands behind the colon: for the parser the value is where the next thing begins.
+    behind = text.index(":", _end(section.value[index][0])) + 1
+    return text[:behind] + " " + written + text[behind:]
 
 
 def _section(node: Node | None, option: OptionPath) -> MappingNode | None:

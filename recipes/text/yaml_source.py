@@ -27,7 +27,7 @@ from ruamel.yaml.events import (
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.reader import ReaderError
 
-from recipes.text.misleading import misleading_sign
+from recipes.text.misleading import Misleading, misleading_sign
 from recipes.text.problems import Mark, OptionPath, Problem, RecipeError, Source, dotted, excerpt
 from recipes.text.regular_file import open_regular
 
@@ -93,6 +93,18 @@ def parse_source(raw: bytes, path: str) -> Source:
     return _parsed(raw, path) if sound is None else replace(sound, path=path)
 
 
+def refuse_misleading(raw: bytes, path: str) -> None:
+    """Raise RecipeError for a text that somebody writes and that looks other than it is read; its place is named."""
+    text = _decoded(raw, path)
+    _refuse(misleading_sign(text), text, path)
+
+
+def _refuse(sign: Misleading | None, text: str, path: str) -> None:
+    if sign is not None:
+        line, column = _line_and_column(text[: sign.at])
+        raise RecipeError([Problem(path, line, column, "", sign.found, sign.allowed, sign.hint)])
+
+
 @lru_cache(maxsize=KEPT_DOCUMENTS)
 def _sound_source(raw: bytes) -> Source | None:
     """Return a document about which there is nothing to say, None for any other."""
@@ -108,9 +120,7 @@ def _parsed(raw: bytes, path: str) -> Source:
         found = f"more than {LARGEST_FILE // 1024} kB"
         raise _whole_file(path, found, f"at most {LARGEST_FILE // 1024} kB", "Is this the right file?")
     text = _decoded(raw, path)
-    if sign := misleading_sign(text):
-        line, column = _line_and_column(text[: sign.at])
-        raise RecipeError([Problem(path, line, column, "", sign.found, sign.allowed, sign.hint)])
+    _refuse(misleading_sign(text, in_record=True), text, path)
     reader = _Reader(text, path)
     try:
         with warnings.catch_warnings():

@@ -34,6 +34,7 @@ from recipes import (
 from recipes.checks.bus_load import BusFrame, bus_findings, bus_us
 from recipes.checks.missing_profile import missing_profile
 from recipes.compiler.compiler import compile_program
+from recipes.text.yaml_source import refuse_misleading
 from station.atomic_file import read_file
 from station.bench.assemble import drive_brake_config, drive_profile, modbus_profile
 from station.bench.bus_traffic import bus_frames
@@ -417,6 +418,8 @@ def _loaded(
     bench: Bench | None = None
     try:
         recipe_source = read_recipe()
+        if not in_record:
+            refuse_misleading(recipe_source.content, str(recipe_source.path))
         recipe = recipe_source.recipe()
     except RecipeError as error:
         problems += error.problems

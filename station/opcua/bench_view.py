@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 
 from controller.aftermath import FaultReaction
@@ -14,10 +15,12 @@ from definitions.states import row_of
 from station.errors import StationError
 from station.opcua.projection import Projected, projected
 from station.opcua.values import NOTHING, Value, aged, values_of
-from station.records.data_folder import Store
+from station.records.newest_runs import newest_runs
 from station.records.run_record import INTERRUPTED, NOT_CONCLUDED
 from station.records.samples.scan_record import unpack
 from station.run.jog.jogs import jogs, program_of
+from station.run.way_back.begins_at import PASSED_OVER
+from station.run.way_back.how_left import HowLeft, how_left
 from station.run.way_back.recoveries import recoveries, was_recovered
 from station.web.running import ENDED, RUNNING, STARTING, Now, Running
 
@@ -89,15 +92,17 @@ class BenchView:
         return State(orders.state), orders.phase == FaultReaction.SETTLED
 
     def _left(self, now: Now) -> State | None:
-        """Return the state in which the newest run left the bench, None where nothing is known."""
+        """Return the state in which the newest run left the bench, None where nothing is known.
+
+        One that ended before it changed anything is passed over.
+        """
         if now.stage != ENDED or not now.run:
             return None
         with suppress(StationError):
-            run = Store(self._data).by_id(now.run)
-            if run is None:
-                return None
-            manifest = run.manifest()
-            name = NOT_CONCLUDED if run.deserted() else manifest.state
-            state = STATE_OF_RUN.get(name)
-            return State.STOPPED if state is State.FAULT and was_recovered(self._data, run) else state
+            for known in islice(newest_runs(self._data), PASSED_OVER):
+                run, left = known.record, how_left(known.record) if known.here else HowLeft.AS_FOUND
+                if left is HowLeft.IN_NEED:
+                    return State.STOPPED if was_recovered(self._data, run) else State.FAULT
+                if left is HowLeft.IN_ORDER:
+                    return STATE_OF_RUN.get(run.state())
         return None

@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from recipes import OWN, PRESETS, Recipe, RecipeError, Selection, check_alone, find_recipe, parse_recipe
-from recipes.text.yaml_source import read_bytes
+from recipes.text.yaml_source import read_bytes, refuse_misleading
 from station.errors import StationError
 from station.quality.recipe_change import RecipeChange
 
@@ -104,6 +104,7 @@ def question_of(recipe: str | None, preset: str | None, metrics: tuple[str, ...]
         return Question(selection=selection)
     file = find_recipe(recipe)
     content = read_bytes(file)
+    refuse_misleading(content, str(file))
     idle = check_alone(parse_recipe(content, str(file)), file)
     if idle:
         raise RecipeError(idle)

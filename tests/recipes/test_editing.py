@@ -151,3 +151,9 @@ def test_a_name_that_is_there_twice_is_told_at_its_place(option: OptionPath) -> 
     with pytest.raises(RecipeError, match=r"recipe:7:21: metrics\[0\]\.max: found 'max' a second time") as refused:
         changed(content, option, "2 arcmin")
     assert "Delete one of the two." in str(refused.value)
+
+
+@pytest.mark.parametrize("line_end", ["\n", "\r\n"])
+def test_an_option_that_stands_there_without_a_value_is_filled(line_end: str) -> None:
+    text = "a:\n  min:   # to come\n  max: 2\n".replace("\n", line_end).encode()
+    assert changed(text, ("a", "min"), "5") == text.replace(b"min:", b"min: 5")

@@ -18,7 +18,7 @@ from station.documents.result import Result
 from station.records.data_folder import Store
 from station.records.run_record import BENCH_COPY, EVENTS, RECIPE_COPY, RESULT
 from station.records.seal import seal
-from station.run.way_back.recoveries import recoveries
+from station.run.way_back.recoveries import FOLDER, recoveries
 
 
 def on_a_cable(job: object) -> SimpleNamespace:
@@ -72,11 +72,12 @@ def bench_of(name: str, sha256: str = "b" * 64, *, embedded: bool = False) -> Se
 
 def recovered(data: Path, fault: str, setup: Setup, state: str = "stopped", lock: str = "open") -> None:
     """Make a recovery of the bench that a run left."""
-    found = recoveries(data).create("SN-1", dataclasses.replace(setup, recovery_of=fault), {})
+    again = dataclasses.replace(setup, recovery_of=fault)
     if state == "recording":
+        recoveries(data).create("SN-1", again, {})
         return
-    found.write_json(RESULT, plain(dataclasses.replace(_result(found.id, setup, state), left=left_with(lock))))
-    found.update(state=state, files={})
+    events = [EventRow(scan=0, kind="transition", state="idle", to=one, t_s=0.0) for one in ("fault", state)]
+    _concluded(data / FOLDER, "SN-1", again, state, events, left_with(lock), records=100)
 
 
 def left_with(lock: str) -> LeftState:

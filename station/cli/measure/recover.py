@@ -82,9 +82,8 @@ def recover(
     run = next(used, None) or _nothing_recorded(Store(data), bench)
     _conclude_if_deserted(run)
     manifest = run.manifest()
-    content, layout = samples_bytes(run), run.layout()
-    table = sound_table(content, layout)
-    if not len(table):
+    table = sound_table(samples_bytes(run), run.layout()) if run.records() else None
+    if table is not None and not len(table):
         raise StationError(
             f"run {run.id} has no readable records, so the state of the bench is not known. The unit may still be "
             "under torque: keep clear of its shafts"
@@ -92,7 +91,8 @@ def recover(
     result, doubts = result_and_doubts(run)
     as_it_was_left = run.state() not in (INTERRUPTED, NOT_CONCLUDED) and not doubts
     told = result.left if as_it_was_left else None
-    before = told or left_state(table, StoredProgram.of(run), to_its_end=as_it_was_left)
+    seen = None if table is None else left_state(table, StoredProgram.of(run), to_its_end=as_it_was_left)
+    before = told or seen
     stream = sys.stderr if as_json else sys.stdout
 
     def say(line: str) -> None:
@@ -169,7 +169,8 @@ def _conclude_if_deserted(run: RunRecord) -> None:
 def _used_bench(store: Store, bench: str | None) -> Iterator[RunRecord]:
     """Yield the runs over wires and the recoveries that used a bench, on this one when one is named, newest first.
 
-    One that ended before it changed anything is passed over: the bench is as the one before left it.
+    One that ended before it changed anything is passed over: the bench is as the one before left it. Of one that was
+    killed at its start nobody can say so, although it may have no record.
     """
     name = None if bench is None else load_named_bench(bench).bench.name
     runs = [*store.runs(), *recoveries(store.data).runs()]
@@ -182,11 +183,11 @@ def _used_bench(store: Store, bench: str | None) -> Iterator[RunRecord]:
             continue
         if name not in (None, manifest.bench.name) or clock_of(manifest.clock) not in (WALL, SCAN):
             continue
-        name = manifest.bench.name  # what is read of earlier runs is of the same bench
-        if how_left(run) is HowLeft.AS_FOUND or not run.records():
+        if how_left(run) is HowLeft.AS_FOUND:
             continue
         if run.state() == "recording":
             raise StationError(f"run {run.id} is still in progress. Wait for its end, or stop it")
+        name = manifest.bench.name  # what is read of earlier runs is of the same bench
         yield run
 
 

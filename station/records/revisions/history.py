@@ -21,7 +21,7 @@ from pydantic import ValidationError
 
 from recipes import RecipeError, shipped_recipes
 from recipes.schema.recipe_schema import Header
-from recipes.text.yaml_source import parse_source, read_bytes
+from recipes.text.yaml_source import parse_source, read_bytes, refuse_misleading
 from station.atomic_file import document_bytes, open_file, refused
 from station.errors import RecordError
 from station.records.chain.chain_file import Chain
@@ -54,7 +54,11 @@ def shipped_revisions() -> dict[tuple[str, int], Revision]:
 
 
 def header_of(content: bytes, shown_as: str = "recipe") -> Header:
-    """Return name and revision of a recipe, whatever else is in it; RecipeError where it does not say them."""
+    """Return name and revision of a recipe that somebody has written, whatever else is in it.
+
+    Raises RecipeError where it does not say them, or looks other than it is read.
+    """
+    refuse_misleading(content, shown_as)
     source = parse_source(content, shown_as)
     section = source.data.get("recipe") if isinstance(source.data, dict) else None
     given = section if isinstance(section, dict) else {}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 from station.documents.manifest import RECORDING
@@ -14,8 +14,11 @@ from station.records.run_record import RunRecord
 from station.run.way_back.how_left import HowLeft, how_left
 from station.run.way_back.recoveries import FOLDER, recoveries, was_recovered
 
+PASSED_OVER = 200
+"""Newest runs that are looked at, with those that changed nothing."""
+
 LOOKED_INTO = 20
-"""Newest runs: a bench that none of them was on has been left alone for so long that a person recovers it by name."""
+"""Newest runs that did: a bench that none of them was on was left alone so long that a person recovers it by name."""
 
 
 def recovery_begins_at(data: Path) -> RunRecord | None:
@@ -29,11 +32,13 @@ def recovery_begins_at(data: Path) -> RunRecord | None:
         RecordError: the chain of the folder cannot be read.
 
     """
-    newest = [run for run in islice(newest_runs(data), LOOKED_INTO) if run.here][::-1]
-    if not newest:
+    there = (run for run in islice(newest_runs(data), PASSED_OVER) if run.here)
+    newest = next(there, None)
+    if newest is None:
         return None
-    runs = [run.record for run in newest if not run.only_simulated() and not _left_as_found(run.record)]
-    last = runs[-1] if runs else newest[-1].record
+    told = (run.record for run in chain((newest,), there) if not run.only_simulated())
+    runs = [*islice((run for run in told if not _left_as_found(run)), LOOKED_INTO)][::-1]
+    last = runs[-1] if runs else newest.record
     recovery = next(iter(recoveries(data).newest(1)), None)
     if recovery is not None and recovery.id > last.id:
         return _recovered_by(data, recovery) or last

@@ -23,17 +23,18 @@ NO_FAULT = FAULT_BY_ID["brake_stays_closed"].number
 """Where a run was torn off without a fault: what goes on is the lock that was left closed."""
 
 
-def left_by(run: RunRecord, table: Table, before: Iterable[RunRecord]) -> LeftBy:
+def left_by(run: RunRecord, table: Table | None, before: Iterable[RunRecord]) -> LeftBy:
     """Return what the controller of a recovery has to know of the run before: its fault and its zeroes.
 
     A run that ended before it had taken the zeroes has none: they are those of the newest run `before` with this text
-    of the bench file that took them.
+    of the bench file that took them. table: its records, None where it has none.
     """
-    orders, taken_up = table[-1]["orders"], run.manifest().left
-    fault = int(orders["fault"]) or (NO_FAULT if taken_up is None else taken_up.fault)
+    taken_up = run.manifest().left
+    last = 0 if table is None else int(table[-1]["orders"]["fault"])
+    fault = last or (NO_FAULT if taken_up is None else taken_up.fault)
     if taken_up is not None:  # a recovery goes on with the zeroes that it was begun with
         return replace(taken_up, fault=fault)
-    zeroes = _zeroes_taken(table)
+    zeroes = None if table is None else _zeroes_taken(table)
     if zeroes is not None:
         return LeftBy(fault=fault, torque_in_tare_nm=zeroes[0], torque_out_tare_nm=zeroes[1])
     found = next(_earlier_zeroes(before, run.manifest().bench.sha256), None)

@@ -11,11 +11,9 @@ from pathlib import Path
 from definitions.protections import UNPROVEN
 from station.documents.events import LeftState
 from station.documents.manifest import RECORDING, Manifest
-from station.documents.result import Result
 from station.errors import StationError
 from station.records.data_folder import Store
-from station.records.run_record import RESULT, RunRecord
-from station.records.seal import is_sealed
+from station.records.run_record import RunRecord
 from station.run.way_back.how_left import HowLeft, how_left
 
 FOLDER = "recoveries"
@@ -76,7 +74,4 @@ def was_recovered(data: Path, run: RunRecord) -> bool:
 
     """
     found = newest_recovery(data, run)
-    if found is None or not is_sealed(found.manifest()) or not found.has(RESULT):
-        return False
-    result = found.read(Result, RESULT)
-    return is_released(result.state, result.left)
+    return found is not None and how_left(found) is HowLeft.IN_ORDER

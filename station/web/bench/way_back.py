@@ -26,7 +26,7 @@ from station.records.run_record import BENCH_COPY, RESULT, RunRecord, only_simul
 from station.run.way_back.begins_at import recovery_begins_at
 from station.run.way_back.guide import UNPROVEN_DRIVE
 from station.run.way_back.how_left import HowLeft, how_left
-from station.run.way_back.recoveries import FOLDER, drive_is_unproven, is_released, newest_recovery
+from station.run.way_back.recoveries import FOLDER, drive_is_unproven, newest_recovery
 from station.web.bench.sight import Sight
 from station.web.running import RUNNING, Now, Running
 
@@ -147,7 +147,7 @@ class WayBack:
         fault = _fault(run, manifest)
         if found is not None and found.has(RESULT):
             result = found.read(Result, RESULT)
-            if is_released(result.state, result.left):
+            if how_left(found) is HowLeft.IN_ORDER:
                 return Standing(fault, released=True)
             return Standing(fault, said=" ".join(result.reasons) or self._last_words())
         return Standing(fault, said="" if self.starting() else self._last_words())

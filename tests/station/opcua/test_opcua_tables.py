@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 from asyncua import ua
+from ended_runs import bench_of, cancelled, ended, recovered
 from lostmotion_command import ROOT, here
 from opcua_support import SETTINGS, Plant, write_pair
 from station_support import GOLDEN
@@ -115,6 +116,12 @@ def test_the_bench_is_shown_while_a_run_is_on_and_as_it_was_left(
     left = view.look()
     assert left.states.packml is PackMl.COMPLETE
     assert left.values["torque_out_nm"] == (20.0, ua.StatusCodes.UncertainLastUsableValue)
+    fault = ended(tmp_path, "SN-2", None, "fault", bench_of("bench-3"))
+    last = cancelled(tmp_path, "SN-3", bench_of("bench-3"))
+    monkeypatch.setattr(view._running, "now", lambda: Now(ENDED, "SN-3", last))
+    assert view.look().texts["State"] == "fault", "as the run before the cancelled start left it"
+    recovered(tmp_path, fault, bench_of("bench-3"))
+    assert view.look().texts["State"] == "stopped"
     monkeypatch.setattr(view._running, "now", lambda: Now(READY))
     assert view.look().states.item is ItemState.NOT_AVAILABLE
 

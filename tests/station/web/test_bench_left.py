@@ -108,6 +108,26 @@ def test_a_run_that_was_stopped_frees_its_bench_with_the_lock_open_only(
     assert "Do it." in why_not_free(tmp_path, last, "Do it."), "an altered record proves nothing"
 
 
+def test_a_recovery_whose_record_was_altered_frees_no_bench(tmp_path: Path) -> None:
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    recovered(tmp_path, fault, bench_of("bench-3"), lock="closed")
+    last = last_run_of(tmp_path, job_of("bench-3"))
+    assert "Do it." in why_not_free(tmp_path, last, "Do it.")
+    (result,) = tmp_path.glob("recoveries/*/result.json")
+    result.write_bytes(result.read_bytes().replace(b'"closed"', b'"open"'))
+    assert "Do it." in why_not_free(tmp_path, last, "Do it.")
+    assert not WayBack(tmp_path).standing().released
+    recovered(tmp_path, fault, bench_of("bench-3"))
+    assert why_not_free(tmp_path, last, "Do it.") == ""
+
+
+def test_starts_that_changed_nothing_hide_no_bench_from_the_page(tmp_path: Path) -> None:
+    fault = ended(tmp_path, "SN-1", None, "fault", bench_of("bench-3"))
+    for number in range(25):
+        refused(tmp_path, f"SN-{number}", bench_of("bench-3"))
+    assert WayBack(tmp_path).standing().fault.run == fault
+
+
 def simulated(name: str, sha256: str = "b" * 64) -> Setup:
     """A run in virtual time, to which a real bench was named."""
     return dataclasses.replace(bench_of(name, sha256), clock=VIRTUAL)

@@ -19,7 +19,6 @@ from station.records.run_record import RunRecord
 from station.records.seal import EXIT_ALTERED, is_sealed, vouched_for
 from station.reports.result_view import result_console, show_result
 from station.reports.stored_result import stored_result
-from station.store.view import warn
 
 
 def show(name: str, data: Path, *, as_json: bool) -> int:
@@ -60,7 +59,10 @@ def show(name: str, data: Path, *, as_json: bool) -> int:
 def tell_alone(run: RunRecord) -> None:
     """Say of a single run without its data folder that no chain vouches for it; of any other nothing."""
     if run.shown_alone and is_sealed(run.manifest()):
-        warn(f"{run.id}: its folder lies in no data folder, so no {CHAIN} vouches for this record")
+        # not by the store's own way to warn, which would load a database
+        sys.stderr.write(
+            f"WARNING  {run.id}: its folder lies in no data folder, so no {CHAIN} vouches for this record\n"
+        )
 
 
 def altered_banner(altered: Sequence[str]) -> Panel:

@@ -90,9 +90,10 @@ def torn_off(start: Callable[..., Running], words: tuple[str, ...], data: Path) 
 
 def cancelled(start: Callable[..., Running], words: tuple[str, ...], data: Path) -> None:
     """A start that a person takes back at once: it says nothing of the unit that the bench holds."""
-    before = set(data.glob("*/run.json"))
+    before = set(data.glob("*/scan-spec.json"))
     supervisor = start("run", *words, "--serial", "Y", data=data)
-    supervisor.wait_for(lambda: set(data.glob("*/run.json")) > before)
+    # from here on the supervisor hears a Ctrl-C; before, it ends by it as if it were killed
+    supervisor.wait_for(lambda: set(data.glob("*/scan-spec.json")) > before)
     supervisor.interrupt()
     supervisor.finish()
     result = json.loads((newest(data) / "result.json").read_bytes())

@@ -42,10 +42,10 @@ from station.run.outcome import RunOutcome
 from station.run.pacing import pacing_of
 from station.run.supervisor import Supervisor
 from station.run.way_back.guide import Guide
-from station.run.way_back.how_left import HowLeft, how_left
+from station.run.way_back.how_left import HowLeft, how_left, is_released, left_as_found
 from station.run.way_back.left_by import left_by
 from station.run.way_back.recover import recover as conclude_deserted
-from station.run.way_back.recoveries import drive_is_unproven, is_released, recoveries
+from station.run.way_back.recoveries import drive_is_unproven, recoveries
 from station.version import software
 
 ACKNOWLEDGED_BY = signal.SIGUSR1
@@ -183,7 +183,7 @@ def _used_bench(store: Store, bench: str | None) -> Iterator[RunRecord]:
             continue
         if name not in (None, manifest.bench.name) or clock_of(manifest.clock) not in (WALL, SCAN):
             continue
-        if how_left(run) is HowLeft.AS_FOUND:
+        if left_as_found(run):
             continue
         if run.state() == "recording":
             raise StationError(f"run {run.id} is still in progress. Wait for its end, or stop it")

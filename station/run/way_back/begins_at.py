@@ -11,7 +11,7 @@ from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.newest_runs import newest_runs
 from station.records.run_record import RunRecord
-from station.run.way_back.how_left import HowLeft, how_left
+from station.run.way_back.how_left import HowLeft, how_left, left_as_found
 from station.run.way_back.recoveries import FOLDER, recoveries, was_recovered
 
 PASSED_OVER = 200
@@ -36,8 +36,8 @@ def recovery_begins_at(data: Path) -> RunRecord | None:
     newest = next(there, None)
     if newest is None:
         return None
-    told = (run.record for run in chain((newest,), there) if not run.only_simulated())
-    runs = [*islice((run for run in told if not _left_as_found(run)), LOOKED_INTO)][::-1]
+    on_a_bench = (run.record for run in chain((newest,), there) if not run.only_simulated())
+    runs = [*islice((run for run in on_a_bench if not left_as_found(run)), LOOKED_INTO)][::-1]
     last = runs[-1] if runs else newest.record
     recovery = next(iter(recoveries(data).newest(1)), None)
     if recovery is not None and recovery.id > last.id:
@@ -73,13 +73,6 @@ def _in_need(data: Path, runs: list[RunRecord]) -> Iterator[RunRecord]:
                 yield run
         except StationError:
             continue  # it is told where it is the newest; which bench it was on nobody knows
-
-
-def _left_as_found(run: RunRecord) -> bool:
-    try:
-        return how_left(run) is HowLeft.AS_FOUND
-    except StationError:
-        return False
 
 
 def _has_ended(run: RunRecord) -> bool:

@@ -5,10 +5,10 @@ from __future__ import annotations
 from enum import Enum, auto
 
 from station.atomic_file import read_file
-from station.documents.events import EventRow
+from station.documents.events import EventRow, LeftState
 from station.documents.reading import document_in
 from station.documents.result import Result
-from station.errors import StationError
+from station.errors import RecordError, StationError
 from station.records.run_record import EVENTS, INTERRUPTED, NOT_CONCLUDED, RESULT, RunRecord
 from station.records.samples.event_log import has_begun
 from station.records.seal import alterations, is_sealed
@@ -31,7 +31,7 @@ class HowLeft(Enum):
 
 
 def how_left(run: RunRecord) -> HowLeft:
-    """Return how a run, or a recovery, left its bench; without proof of something better in need of a recovery.
+    """Return how a run, or a recovery, left its bench. Where nothing better is proven, it is in need of a recovery.
 
     Raises:
         RecordError: run.json cannot be read.
@@ -53,7 +53,20 @@ def how_left(run: RunRecord) -> HowLeft:
         left = run.read(Result, RESULT).left
     except StationError:
         return HowLeft.IN_NEED
-    return HowLeft.IN_ORDER if left is not None and left.lock == "open" else HowLeft.IN_NEED
+    return HowLeft.IN_ORDER if is_released(state, left) else HowLeft.IN_NEED
+
+
+def left_as_found(run: RunRecord) -> bool:
+    """Say whether a run ended before it changed anything of its bench; of one that cannot be read nobody knows it."""
+    try:
+        return how_left(run) is HowLeft.AS_FOUND
+    except RecordError:
+        return False
+
+
+def is_released(state: str, after: LeftState | None) -> bool:
+    """Say whether a run that was stopped, or a recovery, ended with the torque brought to zero and the lock open."""
+    return state == STOPPED and after is not None and after.lock == "open"
 
 
 def _has_begun(run: RunRecord) -> bool:

@@ -13,7 +13,7 @@ from station.records.chain.lookup import begun_on_bench, entries_of_run, last_be
 from station.records.folder_check import runs_before
 from station.records.newest_runs import KnownRun, newest_runs
 from station.records.run_record import NOT_CONCLUDED, RECORDING, RunRecord
-from station.run.way_back.how_left import NEEDS_WAY_BACK, STOPPED, HowLeft, how_left
+from station.run.way_back.how_left import NEEDS_WAY_BACK, STOPPED, HowLeft, how_left, left_as_found
 from station.run.way_back.recoveries import is_under_way, newest_recovery, was_recovered
 
 LOOKED_INTO = 100
@@ -34,13 +34,6 @@ class LastRun(RunRecord):
     def ended_well(self) -> bool:
         """Whether the chain says that the run ended with the unit unloaded; of one that was stopped it does not."""
         return self._sealed is not None and self._sealed.fields["state"] not in {*NEEDS_WAY_BACK, STOPPED}
-
-    def left_as_found(self) -> bool:
-        """Say whether the run ended before it changed anything: the bench is as the run before left it."""
-        try:
-            return how_left(self) is HowLeft.AS_FOUND
-        except RecordError:
-            return False
 
     def state(self) -> str:
         """State of the run, as `RunRecord.state`; what only run.json says to have ended has not, for the chain."""
@@ -64,7 +57,7 @@ def last_run_of(data: Path, job: Job) -> RunRecord | None:
     for run in islice(newest_runs(data), LOOKED_INTO):
         if _may_be_on(run, job) and (_is_known(data, run) or not _says_that_it_ended_well(run.record)):
             last = LastRun(run.record.folder, run.sealed, begun=run.created is not None)
-            if not last.left_as_found():
+            if not left_as_found(last):
                 return last
     begun = last_begun_on_each_bench(data)
     files = [sha256 for sha256, run in begun.items() if _is_on(RunRecord(data / run), job)]
@@ -106,7 +99,7 @@ def _last_used(data: Path, bench_sha256: str) -> str:
         lines = {one.kind: one for one in entries_of_run(data, run)}
         if KnownRun(RunRecord(data / run), lines.get(CREATED), lines.get(SEALED), chain).only_simulated():
             continue
-        if not LastRun(data / run, lines.get(SEALED), begun=True).left_as_found():
+        if not left_as_found(LastRun(data / run, lines.get(SEALED), begun=True)):
             return run
     return ""
 

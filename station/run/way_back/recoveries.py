@@ -9,12 +9,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from definitions.protections import UNPROVEN
-from station.documents.events import LeftState
 from station.documents.manifest import RECORDING, Manifest
 from station.errors import StationError
 from station.records.data_folder import Store
 from station.records.run_record import RunRecord
-from station.run.way_back.how_left import HowLeft, how_left
+from station.run.way_back.how_left import HowLeft, how_left, left_as_found
 
 FOLDER = "recoveries"
 
@@ -25,11 +24,6 @@ NEWEST_LOOKED_AT = 20
 def recoveries(data: Path) -> Store:
     """Return the recoveries of a data folder."""
     return Store(data / FOLDER)
-
-
-def is_released(state: str, after: LeftState | None) -> bool:
-    """Say whether a recovery has ended as it should: torque brought to zero, lock open."""
-    return state == "stopped" and after is not None and after.lock == "open"
 
 
 def drive_is_unproven(run: Manifest) -> bool:
@@ -54,7 +48,7 @@ def newest_recovery(data: Path, run: RunRecord) -> RunRecord | None:
         if found.id < run.id:
             return None
         try:
-            if found.manifest().bench.name == bench and how_left(found) is not HowLeft.AS_FOUND:
+            if found.manifest().bench.name == bench and not left_as_found(found):
                 return found
         except StationError:
             return found  # nobody knows what it did: it is not the word that the bench is free
